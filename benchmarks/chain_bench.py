@@ -2,10 +2,10 @@
 
     python benchmarks/chain_bench.py [--joints 1 2 4 7] [--seconds 8] [--json]
 
-Rig, driver, model and controller run as processes and hold the joints. Beside them, in the same
-run, a bare node is measured that publishes and takes the same number of messages of the same size
-and does nothing with them: what is above it is the suite's own work. Its start contains what every
-Python node needs. The figures hold for an idle machine with at least two cores.
+The robot runs in one process and holds the joints, and then driver, model and controller as three.
+Beside them, in the same run, a bare node is measured that publishes and takes the same number of
+messages of the same size as a driver of its own, and does nothing with them. Its start contains
+what every Python node needs. The figures hold for an idle machine with at least two cores.
 """
 
 from __future__ import annotations
@@ -31,8 +31,13 @@ from pam_model.rig import save_rig
 
 BARE = Path(__file__).with_name("bare_node.py")
 RATE = 500.0  # Hz; the default of driver and controller
-NODES = ("driver", "controller", "model", "rig")
-READY = {"driver": "measuring on", "controller": "worst at", "rig": "simulating"}
+NODES = ("robot", "driver", "controller", "model", "rig")
+TOGETHER = ("robot", "rig")
+"""The processes of a robot in one process; the first is the one that drives."""
+APART = ("driver", "controller", "model", "rig")
+READY = {
+    "robot": "measuring on", "driver": "measuring on", "controller": "worst at", "rig": "simulating"
+}  # fmt: skip
 SETTLING = 3.0  # s
 TIMEOUT = 120.0  # s
 CACHED = {"PYTHONDONTWRITEBYTECODE": ""}  # as a user starts nodes: compiled once
@@ -55,8 +60,17 @@ def shares(pids: Mapping[str, int], seconds: float) -> dict[str, float]:
 
 
 @contextmanager
-def running_chain(joints: int) -> Iterator[tuple[Chain, dict[str, float]]]:
+def running_chain(
+    joints: int, processes: Sequence[str] = TOGETHER
+) -> Iterator[tuple[Chain, dict[str, float]]]:
     """An active chain that holds its joints, and the time from each start to a first cycle [s].
+
+    Parameters
+    ----------
+    joints : int
+        Size of the arm.
+    processes : sequence of str
+        `TOGETHER` or `APART`.
 
     Raises
     ------
@@ -68,29 +82,36 @@ def running_chain(joints: int) -> Iterator[tuple[Chain, dict[str, float]]]:
         save_rig(arm(joints), path)
         starts: dict[str, float] = {}
         with Chain([path], multicast_bus(), {**private_domain(), **CACHED}) as chain:
-            for name in reversed(NODES):
-                settings = {"activate_on_start": True} if name == "driver" else None
+            driver = {"activate_on_start": True}
+            for name in reversed(processes):
                 begin = time.monotonic()
-                process = chain.start(name, settings)
+                if name == "robot":
+                    process = chain.start_robot({"driver": driver})
+                else:
+                    process = chain.start(name, driver if name == "driver" else None)
                 if name in READY:
                     process.wait_for_output(READY[name], TIMEOUT)
                     starts[name] = time.monotonic() - begin
-            chain.processes["driver"].wait_for_output("active:", TIMEOUT)
+            first = chain.processes[processes[0]]
+            first.wait_for_output("active:", TIMEOUT)
             time.sleep(SETTLING)
             yield chain, starts
             chain.check()
-            stopped = [line for line in chain.processes["driver"].output.splitlines()
-                       if "latched until" in line]  # fmt: skip
+            stopped = [line for line in first.output.splitlines() if "latched until" in line]
             if stopped:
                 raise PamError(f"{stopped[0]}; is the machine busy?")
 
 
 def measured_chain(joints: int, seconds: float) -> tuple[dict[str, float], dict[str, float]]:
-    """Share of each node, and the time from its start to its first cycle [s]."""
-    with running_chain(joints) as (chain, starts):
-        pids = {name: process.pid for name, process in chain.processes.items()}
-        found = shares(pids, seconds)
-    return found, starts
+    """Share of each process, and the time from its start to its first cycle [s]."""
+    found: dict[str, float] = {}
+    started: dict[str, float] = {}
+    for processes in (APART, TOGETHER):
+        with running_chain(joints, processes) as (chain, starts):
+            pids = {name: process.pid for name, process in chain.processes.items()}
+            found |= shares(pids, seconds)
+            started |= starts
+    return found, started
 
 
 def bare_node(

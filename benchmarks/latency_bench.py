@@ -2,7 +2,8 @@
 
     python benchmarks/latency_bench.py [--seconds 8] [--json]
 
-The simulated rig runs in this process without noise, driver and controller as processes at 500 Hz.
+The simulated rig runs in this process without noise; driver and controller run at 500 Hz, in one
+process and in two.
 Now and then the reading of one pressure sensor jumps. The controller answers with a jump of the
 valve's command, and a listener on the bus measures the time between the two frames by the stamps of
 the kernel. Beside it, in the same run, the least that this way can take: a python-can node that
@@ -122,8 +123,10 @@ def answers(pressures: Samples, commands: Samples) -> list[float]:
     return found
 
 
-def measured_chain(seconds: float, *, align: bool) -> list[float]:
+def measured_chain(seconds: float, *, align: bool, together: bool) -> list[float]:
     """The times of the suite's nodes [s], whose loops follow each other's phase or not.
+
+    With `together`, driver and controller share one process and one cycle.
 
     Raises
     ------
@@ -135,9 +138,12 @@ def measured_chain(seconds: float, *, align: bool) -> list[float]:
         simulated(bus, jumping),
         Chain([ELBOW], bus, {**private_domain(), **CACHED}) as chain,
     ):
-        chain.start("controller", {"loop.align": align}).wait_for_output("worst at", TIMEOUT)
         settings = {"activate_on_start": True, "plausibility": False, "rate": RATE, "align": align}
-        driver = chain.start("driver", settings)
+        if together:
+            driver = chain.start_robot({"driver": settings})
+        else:
+            chain.start("controller", {"loop.align": align}).wait_for_output("worst at", TIMEOUT)
+            driver = chain.start("driver", settings)
         driver.wait_for_output("active:", TIMEOUT)
         time.sleep(SETTLING)
         port = open_bus(bus.interface, bus.channel, port=bus.port)
@@ -217,13 +223,15 @@ def _declare(parser: Parser) -> None:
 def _run(given: Arguments) -> Outcome:
     """Measure and print."""
     measured = {
-        "suite": measured_chain(given.seconds, align=False),
-        "suite, aligned": measured_chain(given.seconds, align=True),
+        "one process": measured_chain(given.seconds, align=False, together=True),
+        "one process, aligned": measured_chain(given.seconds, align=True, together=True),
+        "three processes": measured_chain(given.seconds, align=False, together=False),
+        "three processes, aligned": measured_chain(given.seconds, align=True, together=False),
         "bare echo": measured_echo(given.seconds),
     }
     rows = {name: {**_figures(times), "answers": len(times)} for name, times in measured.items()}
     for name, row in rows.items():
-        print(f"{name:15s} p50 {row['p50_ms']:6.2f} ms   p99 {row['p99_ms']:6.2f} ms   "
+        print(f"{name:25s} p50 {row['p50_ms']:6.2f} ms   p99 {row['p99_ms']:6.2f} ms   "
               f"{row['answers']} answers")  # fmt: skip
     return Outcome(rows)
 

@@ -1,8 +1,9 @@
 """Where the processor time of a running node goes, by part of the program.
 
-    python benchmarks/node_profile.py [--node controller] [--joints 4] [--seconds 30] [--json]
+    python benchmarks/node_profile.py [--node robot] [--joints 4] [--seconds 30] [--json]
 
-Rig, driver, model and controller run as processes and hold the joints, as in `chain_bench.py`.
+Rig and robot, or driver, model and controller, run as processes and hold the joints, as in
+`chain_bench.py`.
 The kernel counts the time of each thread: the loop, the executor in the main thread, and those of
 the middleware, which receive what others send. py-spy (`pip install py-spy`) then samples the
 Python of the node from outside, without stopping it. It needs the right to trace other processes:
@@ -24,7 +25,7 @@ from collections import Counter
 from collections.abc import Iterable
 from pathlib import Path
 
-from chain_bench import NODES, TICK, running_chain
+from chain_bench import APART, NODES, TICK, TOGETHER, running_chain
 
 from pam_model.argument_types import count, number
 from pam_model.command_line import Arguments, Command, Outcome, Parser, run_command
@@ -116,7 +117,7 @@ def sampled(pid: int, seconds: int) -> Counter[str]:
 
 def _declare(parser: Parser) -> None:
     parser.add_argument(
-        "--node", choices=NODES, default="controller", help="which node (default: %(default)s)"
+        "--node", choices=NODES, default="robot", help="which node (default: %(default)s)"
     )
     parser.add_argument(
         "--joints", type=count(1, 7), default=4, help="size of the arm (default: %(default)s)"
@@ -131,7 +132,8 @@ def _declare(parser: Parser) -> None:
 
 def _run(given: Arguments) -> Outcome:
     """Measure and print a table."""
-    with running_chain(given.joints) as (chain, _):
+    processes = TOGETHER if given.node == "robot" else APART
+    with running_chain(given.joints, processes) as (chain, _):
         pid = chain.processes[given.node].pid
         shares = thread_shares(pid, given.seconds)
         samples = sampled(pid, round(given.seconds))

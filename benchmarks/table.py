@@ -119,25 +119,32 @@ def control() -> Iterator[Row]:
 
 def chain() -> Iterator[Row]:
     """Processor time and start of the nodes."""
-    found = result_of("chain_bench.py", "--joints", "1", "4", "--seconds", "6")
-    goals = {"driver": 15.0, "controller": 15.0, "model": 6.0, "rig": None}
+    found = result_of("chain_bench.py", "--joints", "1", "4", "7", "--seconds", "6")
+    goals = {"1": 1.6, "4": 2.2, "7": 3.0}  # of the robot in one process
     for joints, shares in found["shares"].items():
-        for node, goal in goals.items():
+        for node in ("robot", "driver", "controller", "model", "rig"):
             work = f"{node} at 500 Hz, joints: {joints}"
-            most = None if goal is None else goal * (1.0 if joints == "1" else 1.5)
+            goal = goals[joints] if node == "robot" else None
             share, bare = CORE * shares[node], CORE * shares["bare node"]
-            yield Row(work, "% of a processor", share, "bare node", bare, most)
-    for node in ("driver", "controller"):
+            yield Row(work, "% of a processor", share, "bare node", bare, goal, goal_of_ratio=True)
+    for node in ("robot", "driver", "controller"):
         seconds = found["start_seconds"]["1"][node]
         bare = found["bare_start_seconds"]
-        yield Row(f"start of the {node}", "s", seconds, "bare node", bare, 0.6)
+        yield Row(f"start of the {node}", "s", seconds, "bare node", bare, bare + 0.2)
 
 
 def latency() -> Iterator[Row]:
     """From a measurement frame to the command frame."""
     found = result_of("latency_bench.py")
-    for name in ("suite", "suite, aligned"):
-        for which in ("p50", "p99"):
+    for which, goal in (("p50", 0.25), ("p99", 0.33)):
+        for name in ("one process", "one process, aligned"):
+            value, peer = found[name], found[name.replace("one process", "three processes")]
+            work = f"measurement to command frame, {name}, {which}"
+            key = f"{which}_ms"
+            yield Row(
+                work, "ms", value[key], "three processes", peer[key], goal, goal_of_ratio=True
+            )
+        for name in ("three processes", "three processes, aligned"):
             value, peer = (found[one][f"{which}_ms"] for one in (name, "bare echo"))
             work = f"measurement to command frame, {name}, {which}"
             yield Row(work, "ms", value, "echo and two hops", peer)

@@ -18,7 +18,7 @@ def main(rig_file: str, angle: float = 0.4, stiffness: float = 12.0) -> float:
     rig = pam_model.load_rig(rig_file)
     joint = rig.joint_names[0]
     settings = pam_control.ControlSettings(period=PERIOD)
-    controller = pam_control.PositionStiffnessController(rig, settings)
+    controller = pam_control.Controller(rig, settings)
     plant = pam_model.Plant(pam_model.PlantParameters.from_rig(rig))
     position, agonist, antagonist = plant.step((0.0, 0.0), PERIOD)
     for cycle in range(2000):

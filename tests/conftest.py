@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 from collections.abc import Iterator
 from dataclasses import replace
@@ -42,6 +43,16 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         item.add_marker(pytest.mark.flaky(reruns=2))
 
 
+def pytest_collection_finish() -> None:
+    """Take the tests themselves out of the garbage collection.
+
+    A collection over all of them stops every thread of this process for half a second: boards,
+    buses and peers that must answer in time.
+    """
+    gc.collect()
+    gc.freeze()
+
+
 @pytest.fixture(scope="session")
 def rig_path() -> Path:
     """The rig file of one elbow."""
@@ -66,6 +77,24 @@ def make_rig(rig):
         return result
 
     return make
+
+
+@pytest.fixture(scope="session")
+def shared_designs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Joints of equal tasks are designed once for all tests, and for all of their processes.
+
+    Only controllers share that are given no store of designs.
+    """
+    from pam_control import loop_design
+    from pam_control.feedback.kept_designs import KeptDesigns
+
+    folder = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        folder = folder.parent
+    store = KeptDesigns(folder / "designs")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(loop_design, "KeptDesigns", lambda: store)
+        yield
 
 
 @pytest.fixture(scope="session")

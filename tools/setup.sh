@@ -7,7 +7,7 @@ cd "$(dirname "$0")/.."
 ros="${ROS_DISTRO:-wheels}"
 place="$ros $PWD"
 lock_stamp="$place $(sha256sum <requirements.lock)"
-package_stamp="$place $(cat src/*/setup.py src/*/setup.cfg proof/setup.py | sha256sum)"
+package_stamp="$place $(cat src/*/setup.py src/*/setup.cfg proof/setup.py tools/setup.sh | sha256sum)"
 is_current() { [[ -f .venv/.$1 && $(<".venv/.$1") == "$2" ]]; }
 if is_current lock-stamp "$lock_stamp" && is_current package-stamp "$package_stamp"; then exit 0; fi
 
@@ -27,7 +27,7 @@ find_python() {
       return
     fi
   done
-  echo "setup: no Python 3.12 found (the ROS 2 Jazzy wheels exist for 3.12 only); set PYTHON=/path/to/python3.12" >&2
+  echo "setup: no Python 3.12 found (the ROS 2 Jazzy wheels exist for 3.12 only); give its path, as in PYTHON=/path/to/python3.12 make setup" >&2
   return 1
 }
 python=$(find_python)
@@ -71,5 +71,7 @@ editable=()
 # a folder without a setup.py is what an older checkout left behind
 for setup in src/*/setup.py proof/setup.py; do editable+=(-e "${setup%setup.py}"); done
 pip_install --no-deps --no-build-isolation "${editable[@]}"
+# before 0.2 the nodes had these names; scripts of that time still find them, in a source tree only
+for old in controller_node driver_node model_node; do ln -sf "pam_$old" ".venv/bin/$old"; done
 printf '%s' "$package_stamp" >.venv/.package-stamp
 echo "setup: done in ${SECONDS} s"

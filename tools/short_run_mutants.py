@@ -1,9 +1,10 @@
 """Does `make test` notice what `make test-all` notices? Changes lines at random and tries both.
 
-Usage: ``.venv/bin/python tools/short_run_mutants.py [--count 30] [--seed 1] [--only PART_OF_PATH]``
+Usage: ``.venv/bin/python tools/short_run_mutants.py [--count 30] [--seed 1] [--limit 240]``
 
-Only modules are changed that a file with tests of the long run imports. Each change is tried in a
-copy of the tree with the test files that import the module: first their tests of the short run,
+Only modules are changed that a file with tests of the long run imports, of every package equally
+many. Each change is tried in a copy of the tree with the test files that import the module, those
+about the module first, until a test fails or the time is over: first their tests of the short run,
 then, if nobody has noticed, those of the long run alone. The last lines count both. The random
 choice depends on the seed and on the sources.
 """
@@ -16,17 +17,21 @@ import os
 import random
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
+import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
-SHORT = "not system and not vcan and not long"
-LONG = "long and not system and not vcan"
-TOO_LONG = 1800.0  # s: a change that makes a test endless is noticed, too
+SHORT, LONG = "not vcan and not long", "long and not vcan"
+ALONE = " and not system"  # tests of processes fail on a busy computer
+TIME_IS_OVER = "the time is over"
 OTHER_OPERATORS: dict[type[ast.AST], type[ast.AST]] = {
     ast.Lt: ast.GtE, ast.GtE: ast.Lt, ast.Gt: ast.LtE, ast.LtE: ast.Gt, ast.Eq: ast.NotEq,
     ast.NotEq: ast.Eq, ast.Is: ast.IsNot, ast.IsNot: ast.Is, ast.In: ast.NotIn, ast.NotIn: ast.In,
@@ -96,22 +101,113 @@ def has_long_tests(path: Path) -> bool:
     return "mark.long(" in text or "mark.sampled(" in text
 
 
-def failed(tree: Path, tests: list[str], which: str) -> list[str]:
-    """The first test of one run that fails, if one does."""
-    paths = [str(folder) for folder in (*sorted((tree / "src").iterdir()), tree / "proof")]
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([*paths, str(tree)])}
-    command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "-m", which]
-    try:
-        ended = subprocess.run(
-            [*command, *tests],
-            cwd=tree, env=environment, capture_output=True, text=True, timeout=TOO_LONG,
-            check=False,
-        )  # fmt: skip
-    except subprocess.TimeoutExpired:
-        return tests
-    if ended.returncode in (0, 5):  # 5: no test is selected
-        return []
-    return re.findall(r"^(?:FAILED|ERROR) (tests/\S+?\.py(?:::\w+)*)", ended.stdout, re.M) or tests
+def about(module: Path, tests: dict[Path, set[Path]]) -> list[str]:
+    """The test files that import a module, those first that say most about it."""
+    stem = module.stem.removesuffix("_node")
+    found = [path for path, names in tests.items() if module in names]
+    found.sort(key=lambda path: (stem not in path.stem, len(tests[path]), path))
+    return [str(path.relative_to(ROOT)) for path in found]
+
+
+@dataclass
+class Trial:
+    """A copy of the tree in which changes are tried.
+
+    Attributes
+    ----------
+    tree : Path
+        The copy.
+    limit : float
+        Time of each run [s].
+    without : str
+        What is left out of either run, as pytest's option -m takes it.
+    unsound : set of str
+        Tests that have failed there without a change; they are left out.
+    """
+
+    tree: Path
+    limit: float
+    without: str
+    unsound: set[str] = field(default_factory=set)
+
+    def failed(self, tests: Sequence[str], which: str) -> list[str]:
+        """The first test of one run that fails, if one does; else perhaps TIME_IS_OVER."""
+        if not tests:
+            return []
+        folders = [*sorted((self.tree / "src").iterdir()), self.tree / "proof", self.tree]
+        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, folders))}
+        command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider"]
+        left_out = [word for test in self.unsound for word in ("--deselect", test)]
+        run = subprocess.Popen(
+            [*command, "-m", which + self.without, *left_out, *tests],
+            cwd=self.tree,
+            env=environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            start_new_session=True,
+        )
+        try:
+            output, _ = run.communicate(timeout=self.limit)
+        except subprocess.TimeoutExpired:
+            return [TIME_IS_OVER]
+        finally:
+            if run.poll() is None:
+                os.killpg(run.pid, signal.SIGKILL)
+                run.communicate()
+        if run.returncode in (0, 5):  # 5: no test is selected
+            return []
+        if run.returncode == 4:
+            raise RuntimeError(f"pytest was called wrongly: {output}")
+        return re.findall(r"^(?:FAILED|ERROR) (tests/\S+?\.py(?:::\w+)*)", output, re.M) or [*tests]
+
+    def of(self, module: Path, source: str, tests: Sequence[str]) -> tuple[str, list[str]]:
+        """Who notices a change of a module, and the test that does."""
+        while True:
+            (self.tree / module).write_text(source, encoding="utf-8")
+            who, noticed = self._noticed(tests)
+            shutil.copy2(ROOT / module, self.tree / module)
+            again = self.failed(noticed, SHORT if who == "short run" else LONG) if noticed else []
+            if not again or again == [TIME_IS_OVER]:
+                return who, noticed
+            self.unsound.update(again)
+
+    def _noticed(self, tests: Sequence[str]) -> tuple[str, list[str]]:
+        short = self.failed(tests, SHORT)
+        if short and short != [TIME_IS_OVER]:
+            return "short run", short
+        late = " in time" if short else ""
+        long = self.failed([test for test in tests if has_long_tests(ROOT / test)], LONG)
+        if long and long != [TIME_IS_OVER]:
+            return f"long run alone{late}", long
+        return f"nobody{late if not long else ' in time'}", []
+
+
+def copy_tree(tree: Path) -> None:
+    """Copy what git knows, and the machine code of the kernels, which depends on times of files."""
+    listed = subprocess.run(
+        ["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    kernels = [path.relative_to(ROOT) for path in ROOT.glob("*/**/__pycache__/**/*.nb[ci]")]
+    for name in (*map(Path, listed.stdout.splitlines()), *kernels):
+        (tree / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy2(ROOT / name, tree / name)
+
+
+def draws(count: int, seed: int, modules: Sequence[Path]) -> Iterator[tuple[Path, Any]]:
+    """Random changes of random modules, the packages one after the other."""
+    draw = random.Random(seed)
+    packages: dict[str, list[Path]] = {}
+    for module in modules:
+        packages.setdefault(module.parts[1 if module.parts[0] == "src" else 0], []).append(module)
+    names = sorted(packages)
+    draw.shuffle(names)
+    done = 0
+    while done < count:
+        module = draw.choice(packages[names[done % len(names)]])
+        if found := list(changes(ROOT / module)):
+            yield module, draw.choice(found)
+            done += 1
 
 
 def main() -> int:
@@ -120,39 +216,28 @@ def main() -> int:
     parser.add_argument("--count", type=int, default=30, help="number of changes")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--only", default="", metavar="PART", help="modules whose path contains it")
+    parser.add_argument("--limit", type=float, default=240.0, help="time of each run [s]")
+    parser.add_argument("--processes", action="store_true", help="tests of processes, too")
     given = parser.parse_args()
-    tests = {path: imported(path) for path in sorted((ROOT / "tests").rglob("test_*.py"))}
-    modules = sorted({m for path, names in tests.items() if has_long_tests(path) for m in names})
-    drawn_from = {m: list(changes(ROOT / m)) for m in modules if given.only in str(m)}
-    drawn_from = {module: found for module, found in drawn_from.items() if found}
-    draw = random.Random(given.seed)
     counts: Counter[str] = Counter()
     with tempfile.TemporaryDirectory() as folder:
         tree = Path(folder) / "tree"
-        listed = subprocess.run(
-            ["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True
-        )
-        for name in listed.stdout.splitlines():
-            (tree / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy(ROOT / name, tree / name)
-        for _ in range(given.count):
-            module = draw.choice(list(drawn_from))
-            line, old, new, source = draw.choice(drawn_from[module])
-            chosen = [str(p.relative_to(ROOT)) for p, names in tests.items() if module in names]
-            (tree / module).write_text(source, encoding="utf-8")
-            who, which = "short run", SHORT
-            if not (noticed := failed(tree, chosen, SHORT)):
-                who, which = "long run alone", LONG
-                noticed = failed(tree, chosen, LONG)
-            shutil.copy(ROOT / module, tree / module)
-            if not noticed:
-                who = "nobody"
-            elif failed(tree, noticed, which):
-                who = "not tried: fails without a change"
+        copy_tree(tree)
+        paths = sorted(path.relative_to(tree) for path in (tree / "tests").rglob("test_*.py"))
+        tests = {ROOT / path: imported(ROOT / path) for path in paths}
+        long = [path for path in tests if has_long_tests(path)]
+        modules = sorted({module for path in long for module in tests[path]})
+        modules = [m for m in modules if given.only in str(m) and any(changes(ROOT / m))]
+        trial = Trial(tree, given.limit, "" if given.processes else ALONE)
+        for module, (line, old, new, source) in draws(given.count, given.seed, modules):
+            begin = time.monotonic()
+            who, noticed = trial.of(module, source, about(module, tests))
             counts[who] += 1
-            print(f"{who}: {module}:{line}: {old!r} -> {new!r}", flush=True)
+            seconds = f"{time.monotonic() - begin:.0f} s"
+            test = noticed[0] if noticed else ""
+            print(f"{who}: {module}:{line}: {old!r} -> {new!r} ({seconds}) {test}", flush=True)
     print(", ".join(f"{who}: {count}" for who, count in counts.items()))
-    return int(counts["long run alone"] > 0)
+    return int(any(who.startswith("long run alone") for who in counts))
 
 
 if __name__ == "__main__":

@@ -26,6 +26,7 @@ setup(
         f"pam_control=={VERSION}",
         f"pam_gap=={VERSION}",
         f"pam_model=={VERSION}",
+        f"pam_robot=={VERSION}",
         f"pam_ros=={VERSION}",
         f"pam_sim=={VERSION}",
         "rich>=13.7",

@@ -52,7 +52,9 @@ USED_OTHERWISE = {
     ("pam_bringup", "pam_control"): "a launch file starts its node",
     ("pam_bringup", "pam_driver"): "a launch file starts its node",
     ("pam_bringup", "pam_model"): "a launch file starts its node",
+    ("pam_bringup", "pam_robot"): "a launch file starts its node",
     ("pam_bringup", "pam_sim"): "a launch file starts its node",
+    ("pam_demo", "pam_robot"): "it starts its program",
     ("pam_bringup", "robot_state_publisher"): "a launch file starts it if it is installed",
 }
 # names on the package index, where they differ from the names that Python imports

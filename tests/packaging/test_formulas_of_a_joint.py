@@ -26,19 +26,12 @@ INDEPENDENT = ("pam_check/blind/", "pam_check/calibration/", "pam_check/control/
 REMAINING = frozenset(
     {
         "pam_check/faults/rig_bounds.py",
-        "pam_control/pam_control/adaptation/stiffness_estimate.py",
-        "pam_control/pam_control/compensation/inverse_dynamics.py",
         "pam_control/pam_control/feedback/closed_loop.py",
         "pam_control/pam_control/feedback/linear_joint.py",
         "pam_control/pam_control/feedback/observer_design.py",
         "pam_control/pam_control/feedback/operating_points.py",
         "pam_control/pam_control/feedback/pressure_loop.py",
-        "pam_control/pam_control/joint_channel.py",
-        "pam_control/pam_control/joint_scale.py",
-        "pam_control/pam_control/laws/pressure_difference_pid.py",
-        "pam_control/pam_control/laws/torque.py",
         "pam_control/pam_control/learning/learning_filter.py",
-        "pam_control/pam_control/valve_limits.py",
         "pam_gap/pam_gap/inference/candidates.py",
         "pam_gap/pam_gap/prediction/problem.py",
     }

@@ -52,6 +52,10 @@ def bag(tmp_path):
     return folder
 
 
+@pytest.mark.sampled(
+    "one command for each package that may be missing",
+    alike=lambda missing, package, words: missing,
+)
 @pytest.mark.parametrize(
     ("missing", "package", "words"),
     [

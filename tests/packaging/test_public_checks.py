@@ -51,6 +51,7 @@ CALLS: dict[Callable[..., Any], dict[str, Any]] = {
     Muscle: _fields(RIG.muscles[0]), Valve: _fields(RIG.muscles[0].valve),
     Plausibility: _fields(RIG.plausibility),
     pam_control.ControlSettings: _fields(pam_control.ControlSettings()),
+    pam_control.PressureRatioPid: _fields(pam_control.PressureRatioPid()),
     pam_driver.DriverSettings: _fields(pam_driver.DriverSettings()),
     pam_sim.SimulatedRig: {"rig": RIG, "rate": 1000.0, "step": 1e-3},
     pam_sim.RigLoop: {"rig": pam_sim.SimulatedRig(RIG), "ports": {}, "rate": 1000.0},
@@ -62,7 +63,7 @@ ELSEWHERE = {
     "Measurement": "a missing value is NaN", "TrajectoryPoint": "checked by references.follow",
     "PlantParameters": "made by from_rig", "Parameter": "a table in the code",
     "NodeParameters": "ROS", "Driver": "takes DriverSettings",
-    "PositionStiffnessController": "takes ControlSettings", "PressureRatioPid": "the same",
+    "Controller": "takes ControlSettings", "Law": "abstract",
     "CanPort": "made by open_bus",
 }  # fmt: skip
 """Public classes of which no user makes an object of numbers."""

@@ -22,7 +22,7 @@ PUBLIC = {
     "pam_bringup": set(),
     "pam_cli": set(),
     "pam_control": {
-        "ControlOutput", "ControlSettings", "Measurement", "PositionStiffnessController",
+        "ControlOutput", "ControlSettings", "Controller", "Law", "Measurement",
         "PressureRatioPid", "TrajectoryPoint",
     },
     "pam_demo": set(),
@@ -39,6 +39,7 @@ PUBLIC = {
     "pam_ros": {
         "NodeParameters", "Parameter", "PeriodicLoop", "leave_out_shared_memory", "spin_node",
     },
+    "pam_robot": set(),
     "pam_sim": {"RigLoop", "SimulatedRig"},
 }  # fmt: skip
 PAGE = ROOT / "docs/python.md"

@@ -18,6 +18,9 @@ from support.fake_launch import Recorded, all_of, install, plain, run_launch_fil
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "src/pam_bringup/launch"
 ROBOT, SIMULATION = "robot.launch.py", "simulation.launch.py"
+DRIVERS = ("pam_robot", "pam_driver")
+"""The packages whose process has the driver."""
+EVERY_DRIVER = pytest.mark.parametrize("package", DRIVERS)
 EVERY_FILE = pytest.mark.parametrize("name", [ROBOT, SIMULATION])
 
 
@@ -44,6 +47,22 @@ def parameters(node: Recorded) -> dict[str, Any]:
     return {key: plain(value) for each in given[2:] for key, value in each.items()}
 
 
+def of_the_driver(node: Recorded) -> dict[str, Any]:
+    """The parameters that a launch file gives to the driver, however its process takes them."""
+    if node["package"] != "pam_robot":
+        return parameters(node)
+    words = node["ros_arguments"]
+    assert set(words[::2]) == {"-p"}
+    found = {}
+    for word in words[1::2]:
+        whole = "".join(str(plain(part)) for part in word)
+        owner, name, value = whole.replace(":=", ":").split(":")
+        assert owner in {"pam_driver", "pam_controller"}, "it would be given to all nodes"
+        if owner == "pam_driver":
+            found[name] = value.strip("'")
+    return found
+
+
 def arguments(name: str) -> dict[str, Recorded]:
     """The arguments a launch file declares."""
     return {one.given[0]: one for one in all_of("DeclareLaunchArgument", description(name))}
@@ -58,8 +77,24 @@ def console_scripts(package: str) -> set[str]:
 
 def test_there_is_one_for_a_robot_and_one_for_the_simulated_rig():
     assert {path.name for path in FOLDER.glob("*")} == {ROBOT, SIMULATION}
-    assert set(nodes(ROBOT)) == {"pam_driver", "pam_model", "pam_control"}
+    assert set(nodes(ROBOT)) == {"pam_robot", "pam_driver", "pam_model", "pam_control"}
     assert set(nodes(SIMULATION)) == {"pam_sim"}
+
+
+def test_the_nodes_run_in_one_process_unless_they_are_asked_to_run_apart():
+    assert {arguments(name)["one_process"]["default_value"] for name in (ROBOT, SIMULATION)} == {
+        "true"
+    }
+    for package, node in nodes(ROBOT).items():
+        condition = node["condition"]
+        assert plain(condition.given[0]) == "one_process"
+        assert condition.kind == ("IfCondition" if package == "pam_robot" else "UnlessCondition")
+
+
+def test_the_driver_is_told_the_same_in_both_ways():
+    told = {package: of_the_driver(nodes(ROBOT)[package]) for package in DRIVERS}
+    assert told["pam_robot"] == told["pam_driver"]
+    assert "loop.realtime_priority" in str(nodes(ROBOT)["pam_robot"]["ros_arguments"])
 
 
 @EVERY_FILE
@@ -71,6 +106,7 @@ def test_every_started_node_is_installed(name):
 def test_every_parameter_given_to_a_node_is_one_of_its_own():
     robot = nodes(ROBOT)
     known = {
+        "pam_robot": set(),
         "pam_driver": {parameter.name for parameter in DRIVER_PARAMETERS},
         "pam_model": set(),
         "pam_control": {parameter.name for parameter in parameter_table([])},
@@ -88,8 +124,8 @@ def test_every_node_is_in_the_namespace_that_is_asked_for(name):
 
 
 def test_driver_and_simulated_rig_are_on_the_bus_that_is_asked_for():
-    for node in (nodes(ROBOT)["pam_driver"], nodes(SIMULATION)["pam_sim"]):
-        given = parameters(node)
+    for node in (*(nodes(ROBOT)[each] for each in DRIVERS), nodes(SIMULATION)["pam_sim"]):
+        given = of_the_driver(node)
         assert given["bus.interface"] == "bus_interface"
         assert given["bus.channel"] == "bus_channel"
         assert given["bus.port"] == "bus_port"
@@ -129,48 +165,53 @@ def test_a_robot_is_checked_before_it_moves():
 
 def test_the_simulated_boards_are_delayed_by_other_work_no_more_than_the_driver():
     """Else a busy computer looks like a broken sensor."""
-    for node in (nodes(ROBOT)["pam_driver"], nodes(SIMULATION)["pam_sim"]):
-        assert parameters(node)["realtime_priority"] == "realtime_priority"
+    for node in (*(nodes(ROBOT)[each] for each in DRIVERS), nodes(SIMULATION)["pam_sim"]):
+        assert of_the_driver(node)["realtime_priority"] == "realtime_priority"
     defaults = {
         arguments(name)["realtime_priority"]["default_value"] for name in (ROBOT, SIMULATION)
     }
     assert defaults == {"20"}
 
 
-def ending(choice: str, code: int, *, ends_anyway: bool = False) -> Any:
-    """What robot.launch.py does when the driver it started ends with this code."""
-    (handler,) = all_of("OnProcessExit", description(ROBOT))
-    assert handler["target_action"]["package"] == "pam_driver"
+def ending(package: str, choice: str, code: int, *, ends_anyway: bool = False) -> Any:
+    """What robot.launch.py does when the process of the driver ends with this code."""
+    handlers = all_of("OnProcessExit", description(ROBOT))
+    assert {each["target_action"]["package"] for each in handlers} == set(DRIVERS)
+    (handler,) = (each for each in handlers if each["target_action"]["package"] == package)
     context = SimpleNamespace(
         is_shutdown=ends_anyway, launch_configurations={"on_driver_exit": choice}
     )
     return handler["on_exit"](SimpleNamespace(returncode=code), context)
 
 
-def test_model_and_controller_end_with_the_driver():
+@EVERY_DRIVER
+def test_all_nodes_end_with_the_driver(package):
     assert arguments(ROBOT)["on_driver_exit"]["default_value"] == "shutdown"
     for code in (0, 1, -9):
-        made = ending("shutdown", code)
+        made = ending(package, "shutdown", code)
         (shutdown,) = all_of("Shutdown", made)
         assert str(code) in shutdown["reason"]
         assert not all_of("Node", made)
 
 
-def test_a_driver_that_is_started_again_waits_to_be_activated_by_hand():
-    made = ending("restart", -9)
+@EVERY_DRIVER
+def test_a_driver_that_is_started_again_waits_to_be_activated_by_hand(package):
+    made = ending(package, "restart", -9)
     assert not all_of("Shutdown", made)
     (driver,) = all_of("Node", made)
-    assert driver["package"] == "pam_driver"
-    assert parameters(driver)["autostart"] is False
-    assert parameters(driver)["activate_on_start"] is False
-    assert parameters(driver)["bus.port"] == "bus_port"
+    assert driver["package"] == package
+    told = of_the_driver(driver)
+    assert str(told["autostart"]).lower() == "false"
+    assert str(told["activate_on_start"]).lower() == "false"
+    assert told["bus.port"] == "bus_port"
     assert plain(driver["namespace"]) == "namespace"
     (handler,) = all_of("OnProcessExit", made)
     assert handler["target_action"] is driver, "a second end would not be noticed"
 
 
-def test_a_driver_that_cannot_start_is_not_started_again():
-    made = ending("restart", 2)
+@EVERY_DRIVER
+def test_a_driver_that_cannot_start_is_not_started_again(package):
+    made = ending(package, "restart", 2)
     assert all_of("Shutdown", made)
     assert not all_of("Node", made)
 
@@ -178,7 +219,7 @@ def test_a_driver_that_cannot_start_is_not_started_again():
 def test_model_and_controller_are_started_again_if_asked_and_the_driver_never_that_way():
     assert arguments(ROBOT)["respawn"]["default_value"] == "false"
     for package, node in nodes(ROBOT).items():
-        if package == "pam_driver":
+        if package in DRIVERS:
             assert "respawn" not in node.words, "on_driver_exit decides, without autostart"
         else:
             assert plain(node["respawn"]) == "respawn"
@@ -234,9 +275,10 @@ def test_a_misspelt_argument_does_not_start_the_robot_with_the_default():
     assert "of_another_file" in said["msg"]
 
 
+@EVERY_DRIVER
 @pytest.mark.parametrize("choice", ["shutdown", "restart"])
-def test_a_driver_that_ends_with_the_launch_is_left_alone(choice):
-    assert not ending(choice, 0, ends_anyway=True)
+def test_a_driver_that_ends_with_the_launch_is_left_alone(package, choice):
+    assert not ending(package, choice, 0, ends_anyway=True)
 
 
 def test_the_viewer_is_started_when_it_is_asked_for():

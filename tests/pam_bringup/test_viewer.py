@@ -214,7 +214,7 @@ def test_the_server_ends_with_the_viewer_and_nothing_is_complained_about(number)
     words += ["--web-port", str(web), "--data-port", str(data)]
     viewer = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert viewer.stdout
-    assert viewer.stdout.readline().startswith("http://127.0.0.1")
+    assert viewer.stdout.readline().startswith("open in a browser: http://127.0.0.1")
     sleep(2.0)  # until it has subscribed
     viewer.send_signal(number)
     viewer.send_signal(number)

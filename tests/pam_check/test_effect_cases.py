@@ -5,13 +5,14 @@ from __future__ import annotations
 import ast
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from pam_check.blind.cases import make_case
-from pam_check.blind.draw import Draw, believed_rig
+from pam_check.blind.draw import Draw, believed_rig, draw_excitation
 from pam_check.blind.effect_cases import (
     KNOWN,
     OUTSIDE,
@@ -121,6 +122,8 @@ def test_a_row_is_all_that_the_checks_need(tmp_path: Path, monkeypatch: pytest.M
         chosen_effects(["worn_valve"])
     monkeypatch.setitem(KNOWN, "worn_valve", WORN_VALVE)
     monkeypatch.setattr("pam_check.blind.cases._choose", lambda *_: ["worn_valve"])
+    short = partial(draw_excitation, duration=10.0)
+    monkeypatch.setattr("pam_check.blind.cases.draw_excitation", short)
     for plant in PLANTS:
         label = make_case(
             "000", "one", tmp_path / plant, tmp_path / "sealed" / plant,

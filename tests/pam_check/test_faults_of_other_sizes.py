@@ -56,14 +56,15 @@ def chain(sized):
     return make_chain(sized)
 
 
+@pytest.mark.sampled("one of two draws of each kind")
+@pytest.mark.parametrize("number", [1, 2])
 @pytest.mark.parametrize("name", KINDS)
-def test_a_fault_is_noticed_and_ends_as_promised(chain, name):
+def test_a_fault_is_noticed_and_ends_as_promised(chain, name, number):
     kind = kind_called(name)
-    draw = random.Random(name)
-    for _ in range(2):
-        values = draw_values(kind, draw, chain.rig)
-        trial = in_a_fork(lambda: run_trial(chain, kind, values, draw.randrange(1 << 30)))  # noqa: B023
-        assert trial.problem == "", values
+    draw = random.Random(f"{name} {number}")
+    values = draw_values(kind, draw, chain.rig)
+    trial = in_a_fork(lambda: run_trial(chain, kind, values, draw.randrange(1 << 30)))
+    assert trial.problem == "", values
 
 
 def test_a_healthy_joint_moves_without_suspicion(chain):

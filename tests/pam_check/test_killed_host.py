@@ -21,8 +21,9 @@ from support.rigs import ELBOW
 pytestmark = pytest.mark.system
 
 
-def test_boards_vent_by_themselves_when_their_host_is_killed(rig):
-    vented, _ = kill_once(rig, 0.05)
+@pytest.mark.parametrize("one_process", [False, True])
+def test_boards_vent_by_themselves_when_their_host_is_killed(rig, one_process):
+    vented, _ = kill_once(rig, 0.05, one_process=one_process)
     assert vented > 0.0
 
 

@@ -128,6 +128,7 @@ def test_two_publishers_are_noticed_on_both_kinds_of_valve(chain: FaultChain) ->
     assert [fault.kind for fault in chain.driver.faults] == ["two_publishers"]
 
 
+@pytest.mark.sampled("one of the two kinds of valve", cases=1)
 @pytest.mark.parametrize(
     ("joint", "effect", "value"),
     [("shoulder", "leakage.conductance", 6e-10), ("elbow", "valve_lag.extra_time_constant", 0.03)],

@@ -146,6 +146,7 @@ def tendon_breaks(side: str) -> Callable[[Any], None]:
     return act
 
 
+@pytest.mark.sampled("either tendon, at one of the two angles")
 @pytest.mark.parametrize("angle", [None, 0.75])
 @pytest.mark.parametrize("side", MUSCLES)
 def test_a_tendon_that_breaks_is_seen_in_a_moment_but_the_other_muscle_throws_the_arm(

@@ -19,7 +19,7 @@ from pam_check.control.rough_control import RoughControl
 from pam_check.control.running_truth import RunningTruth
 from pam_check.control.tuned_pid import Bench, tune
 from pam_control.control_step import Measurement
-from pam_control.laws.position_stiffness import PositionStiffnessController
+from pam_control.controller import Controller
 from pam_control.references.trajectory import TrajectoryPoint
 from pam_model.rig import load_rig
 
@@ -86,7 +86,7 @@ def test_gas_in_parts_that_stretch_is_known_to_the_pressure_loops(rough, effect)
     for muscle in rig.muscles:
         rig = rig.with_muscle(replace(muscle, effects={effect: {"compliance": compliance}}))
     for adaptation in (False, True):
-        told = PositionStiffnessController(rig, TOLD.replace(adaptation=adaptation), rough.designs)
+        told = Controller(rig, TOLD.replace(adaptation=adaptation), rough.designs)
         for points in rough.motions.values():
             told.forget_adaptation()
             assert play(told, joint, muscles, points, 6)[0].rms < 3e-4
@@ -230,7 +230,7 @@ def test_a_named_tube_or_lag_serves_a_controller_that_learns_nothing(rough, effe
     joint, muscles = rough.hidden(effect)
     before, after = (
         play(
-            PositionStiffnessController(rig, settings, rough.designs),
+            Controller(rig, settings, rough.designs),
             joint,
             muscles,
             rough.motions["arm"],
@@ -268,13 +268,16 @@ def _telling_friction(rough):
     named = {"static_torque": 0.84, "torque": 0.45, "speed": 0.105, "presliding_angle": 1.75e-3}
     joint = replace(rough.rig.joints[0], effects={"stribeck_friction": named})
     settings = TOLD.replace(adaptation=True)
-    return PositionStiffnessController(rough.rig.with_joint(joint), settings, rough.designs)
+    return Controller(rough.rig.with_joint(joint), settings, rough.designs)
 
 
+@pytest.mark.long(
+    "test_known_effects holds what remains of named friction on the plant of the suite"
+)
 def test_friction_that_falls_with_speed_is_halved_when_the_rig_file_names_it(rough):
     """Protects reversals, ends of motions and slow motion: without any of its parts it is not."""
     joint, muscles = rough.hidden("stribeck_friction")
-    before = PositionStiffnessController(rough.rig, TOLD.replace(adaptation=True), rough.designs)
+    before = Controller(rough.rig, TOLD.replace(adaptation=True), rough.designs)
     after = _telling_friction(rough)
     for points in rough.motions.values():
         errors = []

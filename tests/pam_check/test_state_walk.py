@@ -45,11 +45,12 @@ REDUCED = {
 """Acts whose states are few enough for a test; `pam check state-walk` takes all."""
 
 
+@pytest.mark.parametrize("one_process", [False, True])
 def test_no_path_leads_from_a_stop_to_moving_air_without_clear_activate_and_a_command(
-    rig: Rig,
+    rig: Rig, one_process: bool
 ) -> None:
     """Restarts of the driver and of the controller included, in every order."""
-    found = walk(rig, REDUCED)
+    found = walk(rig, REDUCED, one_process=one_process)
     assert not found.violations, "\n".join(map(str, found.violations))
     assert found.moving > 20 and found.states > 500
     assert {"active", "fault", "fault_lowering", "lowering", "vented"} <= set(found.driver_states)

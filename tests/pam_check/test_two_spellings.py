@@ -25,7 +25,8 @@ import pytest
 
 from pam_control.compensation.dry_friction import DryFriction
 from pam_control.feedback.supply_reservoir import SupplyReservoir
-from pam_control.joint_channel import JointChannel
+from pam_control.joint_models import JointModels
+from pam_control.joint_scale import JointScale
 from pam_driver.boards.protocol import NEVER, Sample
 from pam_driver.driver_settings import DriverSettings
 from pam_driver.tools.check_rig import check_rig
@@ -36,6 +37,7 @@ from pam_model.plant.constants import derive_constants
 from pam_model.plant.parameters import PlantParameters
 from pam_model.rig import Bus, Joint, Muscle, Rig, Valve, load_rig
 from pam_model.robot import Robot, compose
+from pam_model.views.inverse_dynamics import InverseDynamics
 from support.source_tree import modules
 
 ROOT = Path(__file__).parents[2]
@@ -239,11 +241,13 @@ ARGUMENTS: dict[str, Callable[[Robot], Any]] = {
     "model": statics_of,
     "gas_space": lambda robot: statics_of(robot).agonist,
     "reservoir": SupplyReservoir,
-    "channel": lambda robot: JointChannel(robot, robot.joints[0], 5e3),
+    "models": lambda robot: JointModels.of(robot, robot.joints[0], 5e3),
+    "dynamics": lambda robot: InverseDynamics.from_joint(robot.joints[0]),
+    "scale": lambda robot: JointScale.of(robot.joints[0], statics_of(robot)),
+    "pressure_lag": lambda robot: 0.01,
 }
 """Arguments by their names; each list has its order from the robot."""
 OF_CONSUMER: dict[str, dict[str, Callable[[Robot], Any] | None]] = {
-    "JointChannel": {"times": None},  # of plans, which it does not have yet
     "operating_point": {"pressures": lambda robot: (2e5, 1.5e5)},
     "arm_strokes": {
         "joint": lambda robot: 0,

@@ -49,6 +49,14 @@ def test_no_program_has_a_name_that_others_may_use():
     assert {entry.name for entry in ours} == set(names)  # each begins with pam
 
 
+@pytest.mark.parametrize("old", ["controller_node", "driver_node", "model_node"])
+def test_scripts_for_an_earlier_source_tree_find_its_nodes(old):
+    place = ROOT / ".venv/bin" / old
+    if not (ROOT / ".venv/bin/pam").exists():
+        pytest.skip("the suite is not installed by make setup")
+    assert place.resolve() == ROOT / ".venv/bin" / f"pam_{old}"
+
+
 def test_colcon_finds_tests_of_every_package():
     settings = json.loads((ROOT / "colcon.meta").read_text())["names"]
     assert settings.keys() == set(PACKAGES)

@@ -138,9 +138,14 @@ class ClosedLoop:
                 positions[0],
                 *pressures[:2],
                 *output.commands[:2],
-                self.controller.channels[0].model.stiffness(*pressures[:2], positions[0]),
+                self.controller.channels[0].models.model.stiffness(*pressures[:2], positions[0]),
             )
         )
+
+
+@pytest.fixture(scope="session", autouse=True)
+def designs_are_shared(shared_designs: None) -> None:
+    """Before any controller is made."""
 
 
 @pytest.fixture(scope="session")

@@ -11,6 +11,7 @@ from pam_control.adaptation.flow_adaptation import FlowAdaptation, FlowSample
 from pam_control.adaptation.motion_functions import MotionMemory
 from pam_control.adaptation.recursive_fit import CORRELATED, RecursiveFit, Suspect
 from pam_control.adaptation.tube_pressure import TubePressure
+from pam_control.controller import Controller
 from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.feedback.pid import Pid
 from pam_control.feedback.pressure_loop import (
@@ -20,7 +21,6 @@ from pam_control.feedback.pressure_loop import (
 )
 from pam_control.feedback.stuck_integral import StuckIntegral
 from pam_control.feedback.supply_reservoir import SupplyReservoir
-from pam_control.laws.position_stiffness import PositionStiffnessController
 from pam_control.references.spline import JointReference
 from pam_control.references.trajectory import TrajectoryPoint
 from pam_control.settings import ControlSettings
@@ -37,7 +37,7 @@ VISCOUS = 3  # index of the weight of the speed
 
 def law(rig, **settings):
     asked = ControlSettings(**{"adaptation": True, **settings})
-    return PositionStiffnessController(rig, asked, DESIGNS)
+    return Controller(rig, asked, DESIGNS)
 
 
 def played(closed_loop, controller, motion, **options):
@@ -63,7 +63,7 @@ def test_nothing_is_learnt_of_a_rig_that_is_its_rig_file(closed_loop, rig, reach
     controller = law(rig)
     played(closed_loop, controller, reaching)
     channel = controller.channels[0]
-    assert not channel.adaptation.knows
+    assert not channel.law_state.estimates.adaptation.knows
     assert not any(weight for loop in channel.loops for weight in loop.adaptation.weights)
 
 
@@ -82,7 +82,7 @@ def test_a_learnt_payload_is_reported_and_does_not_move_the_joint_when_it_is_for
     assert controller.channels[0].telemetry.disturbance == pytest.approx(torque, rel=0.3)
     before = loop.run(0.2).column(2).mean()
     controller.change(controller.settings.replace(adaptation=False))
-    assert not controller.channels[0].adaptation.knows
+    assert not controller.channels[0].law_state.estimates.adaptation.knows
     assert np.abs(loop.run(1.0).column(2) - before).max() < 0.02
 
 
@@ -117,7 +117,7 @@ def test_the_learnt_torque_is_limited(closed_loop, rig, reaching):
     loop.run(SETTLE)
     controller.references.follow(["elbow"], points, start=None, now=loop.time)
     used = []
-    loop.run(duration, lambda _: used.append(controller.channels[0].adapted))
+    loop.run(duration, lambda _: used.append(controller.channels[0].law_state.adapted))
     assert max(map(abs, used)) == pytest.approx(0.1)
 
 
@@ -137,15 +137,15 @@ def test_a_delay_of_a_sensor_is_told_from_friction(
     channel = controller.channels[0]
     assert getattr(channel, found) == pytest.approx(delay, abs=3e-3)
     assert max(channel.late_commands) == 0.0
-    assert abs(channel.adaptation.weights[VISCOUS]) < 0.1  # N m s/rad
+    assert abs(channel.law_state.estimates.adaptation.weights[VISCOUS]) < 0.1  # N m s/rad
 
 
 def test_viscous_friction_is_not_taken_for_a_delay(closed_loop, rig, reaching):
     controller = law(rig)
     played(closed_loop, controller, reaching, effects={"viscous_friction.extra": 0.35})
     channel = controller.channels[0]
-    assert channel.adaptation.delay == 0.0
-    assert channel.adaptation.weights[VISCOUS] == pytest.approx(0.35, abs=0.07)
+    assert channel.law_state.estimates.adaptation.delay == 0.0
+    assert channel.law_state.estimates.adaptation.weights[VISCOUS] == pytest.approx(0.35, abs=0.07)
 
 
 @pytest.mark.long("a delay of a sensor is learnt in the tests above")

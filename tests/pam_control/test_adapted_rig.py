@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from pam_control.adapted_rig import AdaptedRig, adapted_rig, learnt_of, save_adapted_rig
+from pam_control.controller import Controller
 from pam_control.feedback.kept_designs import KeptDesigns
-from pam_control.laws.position_stiffness import PositionStiffnessController
 from pam_control.settings import ControlSettings
 from pam_model.errors import PamError
 from pam_model.plant.parameters import NAMES, PlantParameters
@@ -28,7 +28,7 @@ def law(designs):
     def create(rig, **settings):
         # without soft gains, whose design takes time
         asked = ControlSettings(**{"safe_delay": 0.01, **settings})
-        return PositionStiffnessController(rig, asked, designs)
+        return Controller(rig, asked, designs)
 
     return create
 

@@ -14,7 +14,7 @@ import pytest
 
 from pam_control.command_intake import CommandIntake
 from pam_control.control_step import Measurement
-from pam_control.laws.position_stiffness import PositionStiffnessController
+from pam_control.controller import Controller
 from pam_control.references.reference_generator import ReferenceGenerator
 from pam_control.references.test_motion import test_motion as small_motion
 from pam_control.references.trajectory import CommandError, check_trajectory
@@ -56,9 +56,23 @@ def test_a_trajectory_may_start_where_the_joint_is(start: float) -> None:
     assert references.sample("elbow", 3.0).position == pytest.approx(-0.5)
 
 
+def test_every_point_of_a_dense_plan_on_its_way_back_is_accepted() -> None:
+    """Planners give a point for each tenth of a second, so that several are beyond the limit."""
+    references = generator()
+    back = [(-1.003, 0.0), (-1.002, 0.02), (-1.0005, 0.01), (-0.98, 0.2), (-0.5, 0.0)]
+    points = [Point(0.1 * k, [q], [v]) for k, (q, v) in enumerate(back)]
+    assert references.plan(["elbow"], points, start=None, now=0.0, measured={"elbow": -1.003})
+    references.follow(["elbow"], points, start=None, now=0.0)
+    way = [references.sample("elbow", 0.01 * tick).position for tick in range(300)]
+    assert min(way) >= -1.0
+    assert way[-1] == pytest.approx(-0.5)
+
+
 REFUSED = {
     "the joint is elsewhere": ([(0.0, -1.003), (2.0, 0.0)], {"elbow": 0.3}, "-1.003"),
     "beyond the driver's margin": ([(0.0, -1.051), (2.0, 0.0)], {"elbow": -1.051}, "-1.051"),
+    "on the way out": ([(0.0, -1.003), (1.0, -1.004), (2.0, 0.0)], None, "point 1"),
+    "never comes back": ([(0.0, -1.003), (1.0, -1.002)], None, "point 1"),
     "not the first point": ([(0.0, -1.003), (1.0, -1.003), (2.0, 0.0)], None, "point 1"),
     "the goal": ([(0.0, -1.0), (2.0, 1.003)], {"elbow": 1.003}, "1.003"),
     "the only point is the goal": ([(2.0, -1.003)], {"elbow": -1.003}, "-1.003"),
@@ -108,7 +122,7 @@ def test_a_velocity_at_its_limit_and_an_end_at_the_stop() -> None:
 @pytest.fixture(scope="module")
 def at_the_stop(rig) -> CommandIntake:
     """The controller of a joint that is measured 3 mrad beyond its stop."""
-    controller = PositionStiffnessController(rig, ControlSettings(safe_delay=0.0))
+    controller = Controller(rig, ControlSettings(safe_delay=0.0))
     place = rig.joints[0].position_limits[0] - 0.003
     controller.step(0.0, Measurement([place], [2e5, 2e5], 0.0, 0.0))
     return CommandIntake(controller, threading.Lock(), lambda: 0.0, lambda: "", lambda _: None)

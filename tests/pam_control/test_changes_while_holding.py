@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from pam_control.controller import MODEL_BASED, Controller
+from pam_control.feedback.gain_schedule import GainSchedule
 from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.feedback.pid import PidGains
-from pam_control.laws.position_stiffness import PositionStiffnessController
 from pam_control.laws.pressure_difference_pid import PressureDifferencePid
 from pam_control.laws.pressure_ratio_pid import PressureRatioPid
 from pam_control.references.trajectory import TrajectoryPoint
@@ -14,7 +15,7 @@ from pam_control.settings import ControlSettings
 HELD = 0.8  # rad, where gravity asks for most of the torque
 ALLOWED = 0.03  # rad
 DESIGNS = KeptDesigns()
-GAINS = {"elbow": PidGains(3.0, 40.0, 0.3, 0.01)}
+GAINS = {"elbow": GainSchedule.constant(PidGains(3.0, 40.0, 0.3, 0.01))}
 CHANGES = [
     ("model", {"feedforward": False}),
     ("model", {"gains": GAINS}),
@@ -29,20 +30,20 @@ CHANGES = [
     ("model", {"stiffness_rate": 1.0}),
     ("no feedforward", {"feedforward": True}),
     ("no feedforward", {"integral_limit": 8.0}),
-    ("ratio", {"mean_pressure": 2.0e5}),
-    ("difference", {"difference_feedforward": {"elbow": (4e4, 1e5, 0.0, 0.0, 0.0)}}),
+    ("ratio", {"law": PressureRatioPid(mean_pressure=2.0e5)}),
+    ("difference", {"law": PressureDifferencePid(given={"elbow": (4e4, 1e5, 0.0, 0.0, 0.0)})}),
     ("difference", {"feedforward": False, "integral_limit": 30.0}),
     ("ratio", {"extra_delay": 0.03}),
 ]
 
 
-LAWS = {"ratio": PressureRatioPid, "difference": PressureDifferencePid}
+LAWS = {"ratio": PressureRatioPid(), "difference": PressureDifferencePid()}
 
 
 def held(closed_loop, rig, law):
     """The law at rest at HELD, and its loop."""
-    make = LAWS.get(law, PositionStiffnessController)
-    controller = make(rig, ControlSettings(feedforward=law in ("model", "difference")), DESIGNS)
+    settings = ControlSettings(feedforward=law in ("model", "difference"))
+    controller = Controller(rig, settings, DESIGNS, LAWS.get(law, MODEL_BASED))
     loop = closed_loop(controller)
     loop.run(2.0)
     points = [TrajectoryPoint(1.0, [HELD], [0.0], [0.0])]
@@ -57,7 +58,9 @@ def test_a_change_while_holding_does_not_move_the_joint(closed_loop, rig, law, c
     controller, loop = held(closed_loop, rig, law)
     before = loop.run(0.2).column(2).mean()
     designed = {"pressure_gain": None, "gains": {}}
-    controller.change(controller.settings.replace(**{**designed, **changed}))
+    changed, law = dict(changed), changed.get("law")
+    changed.pop("law", None)
+    controller.change(controller.settings.replace(**{**designed, **changed}), law)
     moved = loop.run(1.5).column(2)
     assert np.abs(moved - before).max() < ALLOWED
 
@@ -68,4 +71,4 @@ def test_a_smaller_limit_of_the_integral_lets_the_joint_sink_slowly(closed_loop,
     record = loop.run(2.0)
     speed = np.diff(record.column(2)[::10]) / np.diff(record.column(0)[::10])
     assert np.abs(speed).max() < 1.0
-    assert abs(controller.channels[0].pid.integral) < 3.0
+    assert abs(controller.channels[0].integral) < 3.0

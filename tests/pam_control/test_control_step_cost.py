@@ -7,7 +7,7 @@ from functools import partial
 
 from pam_control.adaptation.recursive_fit import RecursiveFit
 from pam_control.control_step import Measurement
-from pam_control.laws.position_stiffness import PositionStiffnessController
+from pam_control.controller import Controller
 from pam_control.settings import ControlSettings
 from pam_model.joints.antagonistic_joint import AntagonisticJoint
 
@@ -20,7 +20,7 @@ when this was written, and 809 before the cycle was made cheaper."""
 
 def steps_of_a_stream(rig, cycles):
     """Steps while all joints follow a stream, each a function without arguments."""
-    controller, now = PositionStiffnessController(rig, ControlSettings()), 1.0
+    controller, now = Controller(rig, ControlSettings()), 1.0
     joints = len(rig.joints)
     for cycle in range(cycles):
         now += PERIOD

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from pam_control.controller import Controller
 from pam_control.controller_topics import ControllerTopics
 from pam_control.feedback.disturbance_observer import (
     AlignedPressures,
@@ -16,7 +17,6 @@ from pam_control.feedback.disturbance_observer import (
 )
 from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.feedback.margins import ControlDesignError
-from pam_control.laws.position_stiffness import PositionStiffnessController
 from pam_control.references.trajectory import TrajectoryPoint
 from pam_control.settings import ControlSettings
 
@@ -27,11 +27,11 @@ PAYLOAD = {"payload.mass": 0.5, "payload.distance": 0.2}
 
 
 def observing(rig, **settings):
-    return PositionStiffnessController(rig, ALONE.replace(observer=True, **settings), DESIGNS)
+    return Controller(rig, ALONE.replace(observer=True, **settings), DESIGNS)
 
 
 def plain(rig):
-    return PositionStiffnessController(rig, ALONE, DESIGNS)
+    return Controller(rig, ALONE, DESIGNS)
 
 
 def tracked(closed_loop, controller, motion, **options):
@@ -113,7 +113,8 @@ def test_switching_it_while_a_load_is_held_does_not_move_the_joint(closed_loop, 
 
 def test_more_unknown_delay_means_a_slower_observer(rig):
     fast, slow = (
-        observing(rig, extra_delay=delay).settings.gains["elbow"].observer for delay in (2e-3, 0.03)
+        observing(rig, extra_delay=delay).settings.gains["elbow"].at(14.0).observer
+        for delay in (2e-3, 0.03)
     )
     assert 0.0 < slow < fast
 
@@ -157,10 +158,10 @@ def test_the_node_publishes_the_disturbance_of_the_joints_that_have_an_observer(
     node = SimpleNamespace(create_publisher=create_publisher, get_fully_qualified_name=lambda: "/c")
     topics = ControllerTopics(node, rig, 1)
     channel = plain(rig).channels[0]
-    topics.publish(1_000, [0.0, 0.0], [channel])
+    topics.publish(1_000, [channel])
     assert "~/disturbance" not in sent
     channel.telemetry.disturbance = -1.5
-    topics.publish(2_000, [0.0, 0.0], [channel])
+    topics.publish(2_000, [channel])
     said = serialization.deserialize_message(sent["~/disturbance"], messages.JointState)
     assert list(said.name) == ["elbow"]
     assert list(said.effort) == [-1.5]

@@ -7,15 +7,15 @@ import control
 import numpy as np
 import pytest
 
-from pam_control.compensation.inverse_dynamics import InverseDynamics
+from pam_control.controller import MODEL_BASED, Controller
 from pam_control.feedback.closed_loop import is_stable, state_space
+from pam_control.feedback.gain_schedule import GainSchedule
 from pam_control.feedback.linear_joint import LoopTiming, frequency_response
 from pam_control.feedback.margins import ControlDesignError, margins, pid_response
 from pam_control.feedback.operating_points import operating_point
 from pam_control.feedback.pid import Pid, PidGains
-from pam_control.laws.position_stiffness import PositionStiffnessController
 from pam_control.laws.pressure_ratio_pid import PressureRatioPid
-from pam_control.references.spline import JointReference
+from pam_control.laws.registry import laws
 from pam_control.settings import ControlSettings
 from pam_model.errors import RigError
 from pam_model.joints.antagonistic_joint import AntagonisticJoint
@@ -23,21 +23,22 @@ from pam_model.plant.parameters import PlantParameters
 from pam_model.plant.simulate import initial_state, simulate
 from pam_model.rig import load_rig
 from pam_model.robot import compose
+from pam_model.views.inverse_dynamics import InverseDynamics
 from support.rigs import CONFIG
 
 TWO_JOINTS = CONFIG / "two_joints.yaml"
 
 LAWS = [
-    (PositionStiffnessController, True),
-    (PositionStiffnessController, False),
-    (PressureRatioPid, True),
+    (MODEL_BASED, True),
+    (MODEL_BASED, False),
+    (PressureRatioPid(), True),
 ]
 
 
 @pytest.mark.parametrize(("law", "feedforward"), LAWS)
 def test_designed_gains_keep_the_margins_everywhere(rig, law, feedforward):
-    controller = law(rig, ControlSettings(feedforward=feedforward))
-    for found in controller.channels[0].margins:
+    controller = Controller(rig, ControlSettings(feedforward=feedforward), law=law)
+    for found in controller.channels[0].setup.margins:
         assert found.stable
         assert found.phase_margin > math.radians(49.0)
         assert found.modulus_margin > 1.0 / 1.65
@@ -46,11 +47,11 @@ def test_designed_gains_keep_the_margins_everywhere(rig, law, feedforward):
 
 @pytest.mark.parametrize(("law", "feedforward"), LAWS)
 def test_exact_delay_and_pade_agree(rig, law, feedforward):
-    controller = law(rig, ControlSettings(feedforward=feedforward))
+    controller = Controller(rig, ControlSettings(feedforward=feedforward), law=law)
     channel, settings = controller.channels[0], controller.settings
-    timing = controller.timing(channel, settings)
+    timing = controller.design.timing(channel.models, settings)
     omega = np.geomspace(0.1, 150.0, 40)
-    for case in controller.cases(channel, settings):
+    for case in controller.design.cases(channel.models, settings):
         exact = frequency_response(case.point, case.loop, timing, omega)
         pade = state_space(case.point, case.loop, timing)(1j * omega)
         assert np.max(np.abs(pade / exact - 1.0)) < 1e-4
@@ -58,13 +59,14 @@ def test_exact_delay_and_pade_agree(rig, law, feedforward):
 
 @pytest.mark.sampled("each delay and each set of gains once")
 @pytest.mark.parametrize("delay", [0.004, 0.02, 0.06])
+@pytest.mark.parametrize("lead", [0.0, 0.03])
 @pytest.mark.parametrize("gains", [(6.5, 275.0, 1.0), (20.0, 30.0, 0.2), (0.5, 1.0, 0.0)])
-def test_margins_are_those_of_python_control(rig, delay, gains):
+def test_margins_are_those_of_python_control(rig, delay, gains, lead):
     """Found on the exact response, against splines through a fine grid; stable loops and others."""
-    controller = PositionStiffnessController(rig, ControlSettings())
-    case = controller.cases(controller.channels[0], controller.settings)[0]
+    controller = Controller(rig, ControlSettings())
+    case = controller.design.cases(controller.channels[0].models, controller.settings)[0]
     timing = LoopTiming(0.002, delay, 0.005, 0.4, 0.01)
-    pid = PidGains(*gains, 0.01)
+    pid = PidGains(*gains, 0.01, lead=lead)
     found = margins(case, timing, pid, is_stable(case, timing, pid))
     omega = np.geomspace(0.05, 500.0, 4000)
     opened = pid_response(pid, omega) * frequency_response(case.point, case.loop, timing, omega)
@@ -75,28 +77,30 @@ def test_margins_are_those_of_python_control(rig, delay, gains):
 
 
 def test_unsafe_gains_are_refused_with_the_figures(rig):
-    settings = ControlSettings(gains={"elbow": PidGains(6.0, 280.0, 8.0, 0.01)})
+    gains = GainSchedule.constant(PidGains(6.0, 280.0, 8.0, 0.01))
+    settings = ControlSettings(gains={"elbow": gains})
     with pytest.raises(ControlDesignError, match=r"elbow.*UNSTABLE.*phase margin.*30 deg"):
-        PositionStiffnessController(rig, settings)
+        Controller(rig, settings)
 
 
 def test_a_change_that_breaks_the_margins_leaves_the_settings_alone(rig):
-    controller = PositionStiffnessController(rig, ControlSettings())
+    controller = Controller(rig, ControlSettings())
     before = controller.settings
     with pytest.raises(ControlDesignError):
         controller.change(ControlSettings(partial_gains={"elbow": {"integral": 5000.0}}))
     assert controller.settings is before
     controller.change(ControlSettings(partial_gains={"elbow": {"proportional": 5.0}}))
-    assert controller.settings.gains["elbow"].proportional == 5.0
-    assert controller.channels[0].margins[0].phase_margin > math.radians(30.0)
+    assert all(each.proportional == 5.0 for each in controller.settings.gains["elbow"].gains)
+    assert controller.channels[0].setup.margins[0].phase_margin > math.radians(30.0)
 
 
 def test_more_delay_means_less_margin_for_the_same_gains(rig):
-    controller = PositionStiffnessController(rig, ControlSettings())
+    controller = Controller(rig, ControlSettings())
     channel, settings = controller.channels[0], controller.settings
-    case = controller.cases(channel, settings)[-1]
+    case = controller.design.cases(channel.models, settings)[-1]
+    gains = settings.gains["elbow"].at(case.scheduled)
     found = [
-        margins(case, LoopTiming(0.002, delay, 0.005, 0.4, 0.01), settings.gains["elbow"], True)
+        margins(case, LoopTiming(0.002, delay, 0.005, 0.4, 0.01), gains, True)
         for delay in (0.004, 0.012, 0.02)
     ]
     assert found[0].phase_margin > found[1].phase_margin > found[2].phase_margin
@@ -126,8 +130,8 @@ def test_inverse_dynamics_gives_the_torque_that_moves_the_plant_so(rig):
     qdd = np.gradient(qd, 1e-3)
     dynamics = InverseDynamics.from_joint(compose(rig).joints[0])
     for row in range(20, 280, 20):
-        reference = JointReference(float(q[row]), float(qd[row]), float(qdd[row]))
-        assert dynamics.torque(reference) == pytest.approx(float(moved.torque[row]), abs=0.02)
+        torque = dynamics.torque(float(q[row]), float(qd[row]), float(qdd[row]))
+        assert torque == pytest.approx(float(moved.torque[row]), abs=0.02)
 
 
 def test_a_clipped_pid_settles_where_its_output_just_saturates():
@@ -154,10 +158,7 @@ def test_a_repeated_sample_does_not_look_like_standing_still():
 def test_a_slow_regulator_does_not_slow_the_pressure_loop_of_another_joints_flow_valves() -> None:
     both = load_rig(TWO_JOINTS)
     alone = replace(both, joints=both.joints[:1], muscles=both.muscles[:2])
-    gains = [
-        PositionStiffnessController(rig, ControlSettings()).settings.pressure_gain
-        for rig in (both, alone)
-    ]
+    gains = [Controller(rig, ControlSettings()).settings.pressure_gain for rig in (both, alone)]
     assert gains[0] == gains[1]
 
 
@@ -168,4 +169,11 @@ def test_a_joint_with_two_kinds_of_valve_is_refused() -> None:
     with pytest.raises(
         RigError, match="shoulder: its muscles have a pressure_regulator and a flow"
     ):
-        PositionStiffnessController(mixed, ControlSettings())
+        Controller(mixed, ControlSettings())
+
+
+@pytest.mark.parametrize("law", laws())
+def test_a_rig_with_a_muscle_that_cannot_pull_is_refused_by_every_law(rig, law):
+    slack = rig.with_muscle(replace(rig.muscles[0], neutral_length=0.18))
+    with pytest.raises(RigError, match=r"^elbow_flexor\.neutral_length = 0\.18 m: at some angles"):
+        Controller(slack, ControlSettings(), law=laws()[law]())

@@ -14,16 +14,18 @@ import numpy as np
 import pytest
 
 from pam_control.command_intake import CommandIntake
-from pam_control.controller_parameters import LAWS
+from pam_control.controller import Controller
 from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.laws.gravity_compensation import GravityCompensation
-from pam_control.laws.impedance import ImpedanceController
-from pam_control.laws.position_stiffness import PositionStiffnessController
-from pam_control.laws.torque import END_ZONE, TorqueController
+from pam_control.laws.impedance import Impedance
+from pam_control.laws.position_stiffness import PositionStiffness
+from pam_control.laws.registry import laws
+from pam_control.laws.torque import END_ZONE, Torque
 from pam_control.references.trajectory import CommandError, TrajectoryPoint
 from pam_control.settings import ControlSettings
 
-QUIET = ControlSettings(float_hold_torque=0.2)
+QUIET = ControlSettings()
+FLOAT = GravityCompensation(hold_torque=0.2)
 
 
 @pytest.fixture(scope="module")
@@ -31,8 +33,8 @@ def make(rig):
     """A controller of a law, with shared designs."""
     designs = KeptDesigns()
 
-    def create(law, settings=QUIET, rig=rig):
-        return law(rig, settings, designs)
+    def create(law, rig=rig):
+        return Controller(rig, QUIET, designs, law)
 
     return create
 
@@ -57,7 +59,7 @@ def go(loop, position: float) -> None:
 @pytest.mark.parametrize("stiffness", [8.0, 14.0])
 @pytest.mark.parametrize("rest", [-0.4, 0.3])
 def test_impedance_deflects_by_torque_over_stiffness(make, closed_loop, stiffness, rest):
-    loop = closed_loop(make(ImpedanceController))
+    loop = closed_loop(make(Impedance()))
     loop.run(0.5)
     loop.controller.set_stiffness([stiffness])
     go(loop, rest)
@@ -76,7 +78,7 @@ def test_impedance_deflects_by_torque_over_stiffness(make, closed_loop, stiffnes
 def test_a_stiffness_that_the_muscles_cannot_have_is_completed_by_feedback(make, closed_loop, rig):
     for muscle in rig.muscles:
         rig = rig.with_muscle(replace(muscle, max_pressure=3e5))
-    controller = make(ImpedanceController, rig=rig)
+    controller = make(Impedance(), rig=rig)
     loop = closed_loop(controller)
     loop.run(0.5)
     controller.set_stiffness([20.0])
@@ -92,19 +94,19 @@ def test_a_stiffness_that_the_muscles_cannot_have_is_completed_by_feedback(make,
 
 def test_a_joint_that_is_pushed_away_for_long_is_no_fault_of_the_impedance(make, closed_loop, rig):
     narrow = rig.with_joint(replace(rig.joint("elbow"), max_tracking_error=0.05))
-    loop = closed_loop(make(ImpedanceController, rig=narrow))
+    loop = closed_loop(make(Impedance(), rig=narrow))
     loop.run(1.0)
     push(loop, 2.0)
     error = loop.run(1.5).error(2.0)  # an output of none would fail in the loop
     assert np.abs(error).max() > 0.1
-    stiff = closed_loop(make(PositionStiffnessController, rig=narrow))
+    stiff = closed_loop(make(PositionStiffness(), rig=narrow))
     stiff.run(1.0)
-    assert not stiff.controller.channels[0].yields
+    assert not stiff.controller.channels[0].telemetry.law.yields
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.015])
 def test_impedance_and_float_are_stable_with_the_delay_of_the_design(make, closed_loop, delay):
-    for law in (ImpedanceController, GravityCompensation):
+    for law in (Impedance(), FLOAT):
         loop = closed_loop(make(law), command_delay=0.003 + delay)
         loop.run(1.0)
         push(loop, 2.0)
@@ -116,7 +118,7 @@ def test_impedance_and_float_are_stable_with_the_delay_of_the_design(make, close
 
 
 def test_float_stays_where_it_is_put_and_bears_the_weight_of_the_arm(make, closed_loop):
-    loop = closed_loop(make(GravityCompensation))
+    loop = closed_loop(make(FLOAT))
     loop.run(0.5)
     push(loop, -1.2)  # a hand lifts the arm
     loop.run(1.0)
@@ -131,8 +133,8 @@ def test_float_stays_where_it_is_put_and_bears_the_weight_of_the_arm(make, close
 def test_float_holds_an_unknown_load_up_to_the_hold_torque_and_sinks_slowly_above(
     make, closed_loop
 ):
-    settings = replace(QUIET, float_hold_torque=0.4, float_speed_limit=0.2)
-    loop = closed_loop(make(GravityCompensation, settings))
+    law = GravityCompensation(hold_torque=0.4, speed_limit=0.2)
+    loop = closed_loop(make(law))
     loop.run(1.0)
     push(loop, 0.3)
     loop.run(0.5)
@@ -150,7 +152,7 @@ def test_float_holds_an_unknown_load_up_to_the_hold_torque_and_sinks_slowly_abov
 
 
 def test_float_refuses_references_and_a_stop_holds_until_a_new_activation(make, closed_loop):
-    controller = make(GravityCompensation)
+    controller = make(FLOAT)
     loop = closed_loop(controller)
     loop.run(1.0)
     assert "moved by hand" in controller.reason_against_motion()
@@ -170,7 +172,7 @@ def test_float_refuses_references_and_a_stop_holds_until_a_new_activation(make, 
 
 
 def torque_loop(make, closed_loop):
-    controller = make(TorqueController)
+    controller = make(Torque())
     loop = closed_loop(controller)
     loop.run(1.0)
     return controller, loop
@@ -180,15 +182,15 @@ def torque_loop(make, closed_loop):
 def test_a_planner_may_balance_a_joint_that_its_weight_does_not_hold(closed_loop, rig, weight):
     """The law refused every joint without a restoring weight, although only its angle drifts."""
     other = rig.with_joint(replace(rig.joints[0], gravity_torque=weight))
-    controller = TorqueController(other, QUIET)
+    controller = Controller(other, QUIET, law=Torque())
     loop = closed_loop(controller)
     loop.run(2.0)
 
     def planner(time: float) -> None:
-        channel = controller.channels[0]
-        spring = 10.0 * (0.3 * math.sin(6.0 * time) - channel.position)
-        held = weight * math.sin(channel.position)
-        controller.set_torques([held + spring - 0.3 * channel.velocity], time)
+        position, velocity, _ = controller.channels[0].motion
+        spring = 10.0 * (0.3 * math.sin(6.0 * time) - position)
+        held = weight * math.sin(position)
+        controller.set_torques([held + spring - 0.3 * velocity], time)
 
     swing = loop.run(4.0, planner).column(2, 4.0)
     assert 0.2 < swing.max() < 0.5
@@ -201,7 +203,7 @@ def test_the_torque_of_the_muscles_is_what_was_asked_for(make, closed_loop):
     controller, loop = torque_loop(make, closed_loop)
     weight = controller.rig.joints[0].gravity_torque
     asked, given = [], []
-    model = controller.channels[0].model
+    model = controller.channels[0].models.model
 
     def planner(time: float) -> None:
         position = loop.plants[0].output["position"]
@@ -264,13 +266,13 @@ def test_torques_from_before_a_vent_do_not_move_the_joint_afterwards(make, close
 )
 def test_bad_torques_are_refused_by_name(make, values, said):
     with pytest.raises(CommandError, match=said):
-        make(TorqueController).set_torques(values, 0.0)
+        make(Torque()).set_torques(values, 0.0)
 
 
 def test_other_laws_refuse_torques_and_an_inactive_controller_refuses_them_too(make):
     told = []
     for name, reason in (("model_based", ""), ("torque", "the driver is vented")):
-        controller = make(LAWS[name])
+        controller = make(laws()[name]())
 
         intake = CommandIntake(
             controller, threading.Lock(), lambda: 0.0, lambda reason=reason: reason, told.append

@@ -6,10 +6,12 @@ from dataclasses import replace
 
 import pytest
 
+from pam_control.controller import Controller
 from pam_control.controller_parameters import parameter_table, settings_from
-from pam_control.joint_channel import PRESSURE_SHARE, JointChannel
+from pam_control.declared import sized
+from pam_control.joint_models import PRESSURE_SHARE, JointModels
 from pam_control.joint_scale import JointScale
-from pam_control.laws.position_stiffness import PositionStiffnessController
+from pam_control.laws.impedance import Impedance
 from pam_control.references.trajectory import TrajectoryPoint
 from pam_control.settings import ControlSettings
 from pam_model.errors import PamError
@@ -30,7 +32,7 @@ SIZES = [
 
 def rig_of(folder, torque: float, length: float, inertia: float) -> Rig:
     path = folder / "rig.yaml"
-    size = size_joint(torque, 1.0, 3.0, PRESSURE, length)
+    size = size_joint(torque, 1.0, 3.0, PRESSURE, length, PRESSURE + 1e5)
     path.write_text(sized_rig(size, 1.0, PRESSURE, inertia).text(), encoding="utf-8")
     return load_rig(path)
 
@@ -41,7 +43,7 @@ def test_a_sized_joint_fills_and_tracks_below_the_pressure_at_which_the_driver_v
     tmp_path, closed_loop, size
 ):
     """With levels of an elbow, small joints were filled to `max_pressure`, and were vented."""
-    controller = PositionStiffnessController(rig_of(tmp_path, *size), ControlSettings())
+    controller = Controller(rig_of(tmp_path, *size), ControlSettings())
     loop = closed_loop(controller)
     filled = loop.run(2.0)
     goal = TrajectoryPoint(1.0, (0.5,), (0.0,), (0.0,))
@@ -59,7 +61,7 @@ def test_a_stiffness_out_of_reach_leaves_room_for_overshoot_below_max_pressure(
 ):
     """A request that cannot be met must not end in a vent for too much pressure."""
     rig = rig_of(tmp_path, *SIZES[2])
-    controller = PositionStiffnessController(rig, ControlSettings(default_stiffness=1e3))
+    controller = Controller(rig, ControlSettings(default_stiffness=1e3))
     filled = closed_loop(controller).run(3.0)
     highest = max(filled.column(column).max() for column in (3, 4))
     assert PRESSURE * (PRESSURE_SHARE - 0.01) < highest < PRESSURE
@@ -67,7 +69,7 @@ def test_a_stiffness_out_of_reach_leaves_room_for_overshoot_below_max_pressure(
 
 def scale_of(rig) -> JointScale:
     robot = compose(rig)
-    return JointChannel(robot, robot.joints[0], 5e3).scale
+    return JointModels.of(robot, robot.joints[0], 5e3).scale
 
 
 def test_each_joint_of_a_rig_has_the_levels_of_its_own_size(tmp_path):
@@ -84,11 +86,12 @@ def test_each_joint_of_a_rig_has_the_levels_of_its_own_size(tmp_path):
 
 
 def test_the_elbow_of_config_keeps_the_levels_it_was_tuned_with(rig):
-    settings = scale_of(rig).complete(ControlSettings())
+    scale = scale_of(rig)
+    settings = scale.complete(ControlSettings())
     assert settings.default_stiffness == pytest.approx(14.0, rel=0.02)
     assert settings.stiffness_grid == pytest.approx((6.0, 12.0, 20.0), rel=0.02)
     assert settings.integral_limit == pytest.approx(10.0, rel=0.02)
-    assert settings.impedance_damping == pytest.approx(0.5, rel=0.02)
+    assert sized(Impedance(), scale, settings).damping == pytest.approx(0.5, rel=0.02)
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ import sys
 import numpy as np
 import pytest
 
+from pam_control.controller import Controller
 from pam_control.feedback import kept_designs
 from pam_control.feedback.gain_design import (
     EXPONENT_BOUNDS,
@@ -21,14 +22,13 @@ from pam_control.feedback.gain_design import (
 from pam_control.feedback.kept_designs import KeptDesigns, user_cache_folder
 from pam_control.feedback.linear_joint import frequency_response
 from pam_control.feedback.margins import pid_response
-from pam_control.laws.position_stiffness import PositionStiffnessController
 from pam_control.settings import ControlSettings
 from pam_model.rig import rig_from_parameters
 
 
 def plain_settings(**given):
-    """Settings without soft gains, so that one joint needs one design."""
-    return ControlSettings(safe_delay=0.0, **given)
+    """Settings without soft gains at one stiffness, so that one joint needs one design."""
+    return ControlSettings(**{"safe_delay": 0.0, "stiffness_grid": (12.0,), **given})
 
 
 def arm_of(rig, count):
@@ -49,26 +49,27 @@ def arm_of(rig, count):
 def started(rig, folder, **settings):
     """Gains by joint and what the designs report, of a controller that starts now."""
     designs = KeptDesigns(folder)
-    controller = PositionStiffnessController(rig, plain_settings(**settings), designs)
+    controller = Controller(rig, plain_settings(**settings), designs)
     return controller.settings.gains, designs.take_report()
 
 
 @pytest.fixture(scope="module")
 def task(rig):
-    controller = PositionStiffnessController(rig, plain_settings())
+    controller = Controller(rig, plain_settings())
     channel, settings = controller.channels[0], controller.settings
     return DesignTask(
-        tuple(controller.cases(channel, settings)),
-        controller.timing(channel, settings),
+        tuple(controller.design.cases(channel.models, settings)),
+        controller.design.timing(channel.models, settings),
         settings.phase_margin,
         settings.sensitivity,
         settings.derivative_filter,
+        lead=0.02,
     )
 
 
 @pytest.fixture(scope="module")
 def fresh(rig):
-    return PositionStiffnessController(rig, plain_settings()).settings.gains["elbow"]
+    return Controller(rig, plain_settings()).settings.gains["elbow"]
 
 
 @pytest.fixture(scope="module")
@@ -121,7 +122,7 @@ def with_flexor(rig, **changes):
         lambda rig: (rig, {"sensitivity": 1.7}),
         lambda rig: (rig, {"derivative_filter": 0.011}),
         lambda rig: (rig, {"feedforward": False}),
-        lambda rig: (rig, {"stiffness_grid": (6.0, 12.0, 19.0)}),
+        lambda rig: (rig, {"stiffness_grid": (12.001,)}),
     ],
     ids=[
         "inertia", "payload", "dead volume", "delay", "supply", "measurement delay", "phase margin",
@@ -143,11 +144,12 @@ def test_a_later_start_does_not_import_python_control(rig, tmp_path):
     program = (
         "import sys\nfrom pathlib import Path\n"
         "from pam_control.feedback.kept_designs import KeptDesigns\n"
-        "from pam_control.laws.position_stiffness import PositionStiffnessController\n"
+        "from pam_control.controller import Controller\n"
         "from pam_control.settings import ControlSettings\n"
         "from pam_model.rig import load_rig\n"
-        "PositionStiffnessController(load_rig('config/elbow.yaml'),\n"
-        "    ControlSettings(safe_delay=0.0), KeptDesigns(Path(sys.argv[1])))\n"
+        "Controller(load_rig('config/elbow.yaml'),\n"
+        "    ControlSettings(safe_delay=0.0, stiffness_grid=(12.0,)),\n"
+        "    KeptDesigns(Path(sys.argv[1])))\n"
         "print('control' in sys.modules, 'matplotlib' in sys.modules)\n"
     )
     words = [sys.executable, "-c", program, str(tmp_path)]

@@ -11,10 +11,15 @@ import os
 import numpy as np
 import pytest
 
+from pam_control.controller import Controller
 from pam_control.feedback.kept_designs import KeptDesigns
-from pam_control.laws.position_stiffness import PositionStiffnessController
 from pam_control.learning import learnt_file
-from pam_control.learning.learning_filter import UNKNOWN_DELAYS, LearningFilter, later
+from pam_control.learning.learning_filter import (
+    UNKNOWN_DELAYS,
+    LearningFilter,
+    later,
+    minimax_inverse,
+)
 from pam_control.learning.learnt_file import (
     LARGEST_FILE,
     LONGEST_READING,
@@ -35,7 +40,7 @@ FRICTION = {"coulomb_friction.torque": 0.5}
 
 
 def law(rig, **settings):
-    return PositionStiffnessController(rig, ControlSettings(adaptation=True, **settings), DESIGNS)
+    return Controller(rig, ControlSettings(adaptation=True, **settings), DESIGNS)
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +63,7 @@ def repeat(closed_loop, controller, motion, **options):
     controller.references.follow(["elbow"], points, start=None, now=loop.time)
     error = loop.run(duration).rms(0.6)
     loop.run(0.4)
-    learner = controller.channels[0].learner
+    learner = controller.channels[0].setup.learner
     if learner is not None:
         learner.wait()
     return error
@@ -77,7 +82,7 @@ def test_five_repetitions_bring_the_error_of_friction_to_a_quarter(
     assert repeat(closed_loop, later, there_and_back, effects=FRICTION) < 0.4 * errors[0]
     # and none of another name
     other = law(rig, learning_motion="other", learning_file=str(kept))
-    assert other.channels[0].learner.motion.best is None
+    assert other.channels[0].setup.learner.motion.best is None
 
 
 def test_an_interrupted_motion_teaches_nothing(closed_loop, rig, there_and_back):
@@ -89,27 +94,27 @@ def test_an_interrupted_motion_teaches_nothing(closed_loop, rig, there_and_back)
     loop.run(0.5 * duration)
     controller.stop(loop.time)
     loop.run(duration)
-    controller.channels[0].learner.wait()
-    assert controller.channels[0].learner.motion.history == []
+    controller.channels[0].setup.learner.wait()
+    assert controller.channels[0].setup.learner.motion.history == []
 
 
 def test_soft_gains_play_nothing_that_was_learnt(rig):
     controller = law(rig, learning_motion="reach")
-    assert controller.channels[0].learner is not None
+    assert controller.channels[0].setup.learner is not None
     controller.guard.softened = "the joint oscillates"
     controller.use(controller.prepared)
-    assert controller.channels[0].learner is None
+    assert controller.channels[0].setup.learner is None
 
 
 def test_another_parameter_keeps_what_was_learnt_and_another_name_does_not(rig):
     controller = law(rig, learning_motion="reach")
-    before = controller.channels[0].learner
+    before = controller.channels[0].setup.learner
     controller.change(controller.prepared.asked.replace(integral_limit=4.0))
-    assert controller.channels[0].learner is before
+    assert controller.channels[0].setup.learner is before
     controller.change(controller.prepared.asked.replace(learning_motion="wave"))
-    assert controller.channels[0].learner is not before
+    assert controller.channels[0].setup.learner is not before
     controller.change(controller.prepared.asked.replace(learning_motion=""))
-    assert controller.channels[0].learner is None
+    assert controller.channels[0].setup.learner is None
 
 
 # --- the filter ----------------------------------------------------------------------------------
@@ -119,9 +124,11 @@ def test_another_parameter_keeps_what_was_learnt_and_another_name_does_not(rig):
 def filter_and_responses(rig):
     controller = law(rig)
     channel, settings = controller.channels[0], controller.settings.replace(extra_delay=0.0)
-    cases = controller.cases(channel, settings.replace(stiffness_grid=(12.0, 14.0, 16.0)))
-    timing = controller.timing(channel, settings)
-    return LearningFilter("elbow", cases, timing, settings.gains["elbow"]), cases, timing
+    cases = controller.design.cases(
+        channel.models, settings.replace(stiffness_grid=(12.0, 14.0, 16.0))
+    )
+    timing = controller.design.timing(channel.models, settings)
+    return LearningFilter("elbow", cases, timing, settings.gains["elbow"].at(14.0)), cases, timing
 
 
 @pytest.mark.parametrize("delay", UNKNOWN_DELAYS)
@@ -145,6 +152,20 @@ def test_errors_become_smaller_at_every_repetition_for_the_whole_range(filter_an
         for before, after in itertools.pairwise(errors):
             assert after < max(before, floor)
         assert errors[-1] < 0.3 * errors[0]
+
+
+def test_the_inverse_is_the_best_for_the_worst_plant():
+    """A least-squares inverse follows the majority."""
+    responses = np.array([[1.0], [1.0], [1.0], [1.0], [3.0]], dtype=complex)
+    (inverse,) = minimax_inverse(responses)
+    assert inverse.real == pytest.approx(0.5, rel=0.05)  # |1 - L| = |1 - 3 L|
+    assert np.abs(1.0 - inverse * responses).max() < 0.55
+
+
+def test_the_filter_reaches_the_crossover_with_the_gains_of_the_schedule(filter_and_responses):
+    filter, _, _ = filter_and_responses
+    assert filter.cut_off > 30.0
+    assert filter.contraction < 0.9
 
 
 # --- the bookkeeping -----------------------------------------------------------------------------

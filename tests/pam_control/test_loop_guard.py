@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from pam_control.control_step import Measurement
+from pam_control.controller import Controller
 from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.feedback.loop_watch import OscillationWatch, TrackingWatch
-from pam_control.laws.position_stiffness import PositionStiffnessController
 from pam_control.loop_guard import LoopGuard
 from pam_control.settings import ControlSettings
 from pam_model.plant.parameters import PlantParameters
@@ -78,7 +78,7 @@ def play(controller, points, duration, *, up=0.0, down=0.0, effects=None, pauses
 
 @pytest.fixture(scope="module")
 def controller(rig):
-    return PositionStiffnessController(rig, ControlSettings())
+    return Controller(rig, ControlSettings())
 
 
 @pytest.mark.sampled("six delays between none and 80 ms", cases=6)
@@ -137,6 +137,7 @@ def test_a_hidden_lag_of_the_pressure_sensors_is_no_limit_cycle(controller, reac
 ENCODER_NOISE = 1.5e-4  # rad; differences of errors below it do not count
 
 
+@pytest.mark.sampled("one of the two motions", cases=1)
 @pytest.mark.parametrize("fixture", ["reaching", "chirp"])
 def test_the_reserve_for_an_unknown_delay_costs_little_on_a_rig_without_one(
     request, rig, closed_loop, fixture
@@ -144,7 +145,7 @@ def test_the_reserve_for_an_unknown_delay_costs_little_on_a_rig_without_one(
     points, duration = request.getfixturevalue(fixture)
     found = []
     for extra in (0.0, 0.01):
-        loop = closed_loop(PositionStiffnessController(rig, ControlSettings(extra_delay=extra)))
+        loop = closed_loop(Controller(rig, ControlSettings(extra_delay=extra)))
         loop.run(START)
         loop.controller.references.follow(["elbow"], points, start=None, now=loop.time)
         found.append(loop.run(duration + 0.2).rms(START))
@@ -165,7 +166,7 @@ def test_soft_gains_stay_until_the_next_vent_and_not_longer(controller, reaching
 
 def test_a_stop_is_latched_until_the_next_vent(rig):
     slack = rig.with_joint(dataclasses.replace(rig.joints[0], max_tracking_error=0.1))
-    controller = PositionStiffnessController(slack, ControlSettings(), DESIGNS)
+    controller = Controller(slack, ControlSettings(), DESIGNS)
     measured = [[0.0], [1e5, 1e5]]
     controller.step(0.0, Measurement(*measured, 0.0, 0.0))
     controller.references.stream(["elbow"], [0.5], now=0.0)

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from pam_control.laws.position_stiffness import PositionStiffnessController
+from pam_control.controller import Controller
 from pam_control.references.motion_limiter import MotionLimits
 from pam_control.references.reference_generator import ReferenceGenerator
 from pam_control.references.trajectory import CommandError, TrajectoryPoint
@@ -233,7 +233,7 @@ def test_no_sequence_of_commands_exceeds_the_limits(acts):
 
 def test_stiffness_changes_no_faster_than_the_rig_allows(closed_loop, rig):
     slow = rig.with_joint(replace(rig.joint("elbow"), max_stiffness_rate=5.0))
-    controller = PositionStiffnessController(slow, ControlSettings(stiffness_rate=1e4))
+    controller = Controller(slow, ControlSettings(stiffness_rate=1e4))
     loop = closed_loop(controller)
     loop.run(3.0)
     before = controller.channels[0].telemetry.stiffness
@@ -243,7 +243,7 @@ def test_stiffness_changes_no_faster_than_the_rig_allows(closed_loop, rig):
 
 
 def test_the_joint_itself_stays_below_its_limit_for_the_fastest_references(closed_loop, rig):
-    controller = PositionStiffnessController(rig, ControlSettings())
+    controller = Controller(rig, ControlSettings())
     loop = closed_loop(controller)
     loop.run(2.0)
     peak = 0.0

@@ -11,8 +11,8 @@ import random
 import numpy as np
 import pytest
 
+from pam_control.controller import Controller
 from pam_control.feedback.kept_designs import KeptDesigns
-from pam_control.laws.position_stiffness import PositionStiffnessController
 from pam_control.references.trajectory import CommandError, TrajectoryPoint
 from pam_control.settings import ControlSettings
 from pam_demo.motions import HOLD_STIFFNESS, arm_motion, chirp
@@ -55,7 +55,7 @@ def designs():
 @pytest.fixture
 def controller(rig, designs):
     settings = ControlSettings(allow_nonzero_end_velocity=True)
-    return PositionStiffnessController(rig, settings, designs)
+    return Controller(rig, settings, designs)
 
 
 def played(controller, loop, kind, draw):
@@ -154,7 +154,7 @@ def test_a_trajectory_that_begins_beside_the_joint_begins_calmly(
 
 @pytest.mark.parametrize("velocity", [-5.0, -2.0, 3.0])
 def test_a_trajectory_that_ends_in_motion_is_brought_to_rest_within_the_limits(rig, velocity):
-    controller = PositionStiffnessController(rig, ControlSettings(allow_nonzero_end_velocity=True))
+    controller = Controller(rig, ControlSettings(allow_nonzero_end_velocity=True))
     generator = controller.references
     points = [TrajectoryPoint(0.3, [0.1 * math.copysign(1.0, velocity)], [velocity])]
     generator.follow(["elbow"], points, start=None, now=0.0)

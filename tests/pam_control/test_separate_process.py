@@ -19,12 +19,12 @@ import sys
 from pathlib import Path
 from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.feedback.separate_process import SeparateProcess
-from pam_control.laws.position_stiffness import PositionStiffnessController
+from pam_control.controller import Controller
 from pam_control.settings import ControlSettings
 from pam_model.rig import load_rig
 designs = KeptDesigns(Path(sys.argv[1]))
-settings = ControlSettings(safe_delay=0.0)
-controller = PositionStiffnessController(load_rig("config/elbow.yaml"), settings, designs)
+settings = ControlSettings(safe_delay=0.0, stiffness_grid=(12.0,))
+controller = Controller(load_rig("config/elbow.yaml"), settings, designs)
 if sys.argv[2] == "separate":
     process = SeparateProcess()
     designs.compute_in(process)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -12,9 +11,9 @@ pytest.importorskip("rclpy")
 
 from pam_control.command_intake import CommandIntake
 from pam_control.control_step import Measurement
-from pam_control.controller_node import ControllerNode
+from pam_control.controller import Controller
+from pam_control.driver_follower import DriverFollower
 from pam_control.feedback.kept_designs import KeptDesigns
-from pam_control.laws.position_stiffness import PositionStiffnessController
 from pam_control.references.trajectory import CommandError, TrajectoryPoint
 from pam_control.settings import ControlSettings
 from pam_model.rig import Rig
@@ -29,24 +28,16 @@ class Inside:
     """What of the node follows the driver's state, around a controller that moves."""
 
     def __init__(self, rig: Rig) -> None:
-        self.controller = PositionStiffnessController(rig, ControlSettings(), DESIGNS)
+        self.controller = Controller(rig, ControlSettings(), DESIGNS)
         self.now = 0.0
         self.dropped: list[str] = []
-        self.node: Any = SimpleNamespace(
-            _lock=threading.Lock(),
-            _controller=self.controller,
-            rig=rig,
-            _driver_reason="",
-            _activation="1",
-            _reason="",
-            _health=SimpleNamespace(driver=""),
-            _action=SimpleNamespace(drop=self.dropped.append),
-            _now=lambda: self.now,
+        lock = threading.Lock()
+        self.intake = CommandIntake(self.controller, lock, lambda: self.now, lambda: "", print)
+        self.driver = DriverFollower(
+            self.controller, self.intake, lock, lambda: self.now, self.dropped.append
         )
-        self.node.intake = CommandIntake(
-            self.controller, self.node._lock, lambda: self.now, lambda: "", print
-        )
-        self.node._drop = lambda reason: ControllerNode._drop(self.node, reason)
+        self.hear("active")
+        self.dropped.clear()
         self.step()
         point = TrajectoryPoint(3.0, [0.8], [0.0], [0.0])
         self.controller.references.follow(["elbow"], [point], start=None, now=self.now)
@@ -66,7 +57,7 @@ class Inside:
 
     def hear(self, state: str, activation: int = 1) -> None:
         message = driver_state_message("pam_driver", state, "", activation=activation)
-        ControllerNode._on_driver_state(self.node, message)
+        self.driver.take(message)
 
 
 @pytest.mark.parametrize("state", STOPS)
@@ -86,7 +77,7 @@ def test_states_that_are_lost_in_a_flood_count_as_one_that_stops(rig: Rig) -> No
     for _ in range(3):
         inside.hear("active")
     assert inside.controller.active
-    ControllerNode._on_lost_driver_state(inside.node)
+    inside.driver.lose()
     assert not inside.controller.active
 
 
@@ -106,5 +97,5 @@ def test_a_trajectory_that_was_read_during_a_stop_is_refused(rig: Rig) -> None:
     references.plan = slow
     point = TrajectoryPoint(3.0, [0.8], [0.0], [0.0])
     with pytest.raises(CommandError, match="arrived while it was planned"):
-        inside.node.intake.follow(["elbow"], [point], None)
+        inside.intake.follow(["elbow"], [point], None)
     assert inside.speed() == 0.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pam_control.laws.position_stiffness import PositionStiffnessController
+from pam_control.controller import Controller
 from pam_control.settings import ControlSettings
 from pam_model.joints.antagonistic_joint import AntagonisticJoint
 from pam_model.rig import rig_from_parameters
@@ -16,7 +16,7 @@ OFF = {"joint.pulley_radius": 1.02, "agonist.turns": 0.98, "antagonist.turns": 0
 def played(closed_loop, rig, reaching, factors=None, effects=None):
     """A controller after one motion on a rig with other dimensions, and its loop."""
     points, duration = reaching
-    controller = PositionStiffnessController(rig, ControlSettings(stiffness_corrected=True))
+    controller = Controller(rig, ControlSettings(stiffness_corrected=True))
     loop = closed_loop(controller)
     plant = loop.plants[0]
     changed = {name: factor * plant.parameters[name] for name, factor in (factors or {}).items()}
@@ -47,8 +47,8 @@ def test_the_stiffness_of_a_rig_that_is_two_per_cent_off_is_learnt_in_one_motion
     output = loop.plants[0].output
     state = (output["agonist.pressure"], output["antagonist.pressure"]), output["position"]
     true = truth.stiffness(*state[0], state[1])
-    wrong = channel.model.stiffness(*state[0], state[1])
-    found = channel.stiffness.at(*state)
+    wrong = channel.models.model.stiffness(*state[0], state[1])
+    found = channel.law_state.estimates.stiffness.at(*state)
     assert abs(wrong / true - 1.0) > 0.03
     assert found.learnt
     assert found.value == pytest.approx(true, rel=0.025)
@@ -70,14 +70,14 @@ def test_what_the_dimensions_do_not_explain_leaves_the_stiffness_of_the_model(
     controller, loop = played(closed_loop, rig, reaching, effects=friction)
     channel, output = controller.channels[0], loop.plants[0].output
     state = (output["agonist.pressure"], output["antagonist.pressure"]), output["position"]
-    found = channel.stiffness.at(*state)
+    found = channel.law_state.estimates.stiffness.at(*state)
     assert not found.learnt
-    assert found.value == pytest.approx(channel.model.stiffness(*state[0], state[1]))
+    assert found.value == pytest.approx(channel.models.model.stiffness(*state[0], state[1]))
     assert found.high / found.value > 1.03  # the interval of the tolerance
-    assert channel.stiffness_factor == 1.0
+    assert channel.law_state.correction.factor == 1.0
 
 
 def test_a_rig_that_is_its_rig_file_keeps_its_stiffness(closed_loop, rig, reaching):
     controller, loop = played(closed_loop, rig, reaching)
-    assert controller.channels[0].stiffness_factor == pytest.approx(1.0, abs=5e-3)
+    assert controller.channels[0].law_state.correction.factor == pytest.approx(1.0, abs=5e-3)
     assert np.isfinite(loop.plants[0].output["position"])

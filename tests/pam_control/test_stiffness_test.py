@@ -7,8 +7,8 @@ import itertools
 import numpy as np
 import pytest
 
+from pam_control.controller import Controller
 from pam_control.controller_parameters import parameter_table, settings_from
-from pam_control.laws.position_stiffness import PositionStiffnessController
 from pam_control.references.reference_generator import ReferenceGenerator
 from pam_control.references.spline import JointReference
 from pam_control.references.stiffness_test import StiffnessTest
@@ -93,19 +93,19 @@ def test_a_pause_in_a_trajectory_or_a_stream_that_stands_still_is_no_rest():
 
 
 def test_the_stiffness_of_a_joint_that_only_rests_is_learnt_by_the_test(closed_loop, rig):
-    controller = PositionStiffnessController(rig, ControlSettings(safe_delay=0.01))
+    controller = Controller(rig, ControlSettings(safe_delay=0.01))
     loop = closed_loop(controller)
     loop.plants[0].change({"joint.pulley_radius": 1.02 * rig.joints[0].pulley_radius})
     loop.run(1.0)
     channel = controller.channels[0]
     where = channel.telemetry.pressures, channel.position
-    assert not channel.stiffness.at(*where).learnt
+    assert not channel.law_state.estimates.stiffness.at(*where).learnt
     controller.references.follow(
         ["elbow"], motion_of_test(0.0, 0.05, 1.5), start=None, now=loop.time
     )
-    before = channel.stiffness.at(*where)
+    before = channel.law_state.estimates.stiffness.at(*where)
     loop.run(4.2)
-    after = channel.stiffness.at(*where)
+    after = channel.law_state.estimates.stiffness.at(*where)
     assert after.learnt
     assert after.high - after.low < 0.8 * (before.high - before.low)
     assert isinstance(controller.references.sample("elbow", loop.time), JointReference)

@@ -24,13 +24,15 @@ from rclpy.serialization import serialize_message  # noqa: E402
 from std_msgs.msg import Float64MultiArray  # noqa: E402
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint  # noqa: E402
 
-from pam_control import adapted_rig, controller_node  # noqa: E402
+from pam_control import adapted_rig, operator_services  # noqa: E402
 from pam_control.control_step import Measurement  # noqa: E402
+from pam_control.controller import Controller  # noqa: E402
 from pam_control.controller_node import ControllerNode  # noqa: E402
-from pam_control.loop_design import PreparedSettings  # noqa: E402
+from pam_control.loop_design import LoopDesign, PreparedSettings  # noqa: E402
 from pam_control.settings import ControlSettings  # noqa: E402
 from pam_demo.chain import private_domain  # noqa: E402
 from pam_ros.start import start_ros  # noqa: E402
+from pam_ros.unforeseen import guard_callbacks, raise_handed_over  # noqa: E402
 from support.rigs import ELBOW  # noqa: E402
 
 PATIENCE = 60.0  # s
@@ -89,7 +91,7 @@ def value_of(node: ControllerNode, name: str) -> Any:
 
 
 def stop(node: ControllerNode) -> Any:
-    return node._on_stop(None, SimpleNamespace(success=False, message=""))
+    return node.operator_services.on_stop(None, SimpleNamespace(success=False, message=""))
 
 
 def trajectory(*positions: float) -> bytes:
@@ -115,12 +117,22 @@ class Gate:
         return self._work(*arguments, **named)
 
 
+def gated_design(monkeypatch: pytest.MonkeyPatch) -> Gate:
+    """Every design waits for this gate."""
+    gate = Gate(LoopDesign._designed_and_checked)
+
+    def design(*arguments: Any) -> PreparedSettings:
+        return gate(*arguments)
+
+    monkeypatch.setattr(LoopDesign, "_designed_and_checked", design)
+    return gate
+
+
 def test_a_design_that_takes_for_ever_keeps_nobody_waiting(
     active: ControllerNode, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     node = active
-    gate = Gate(node._controller._designed_and_checked)
-    monkeypatch.setattr(node._controller, "_designed_and_checked", gate)
+    gate = gated_design(monkeypatch)
     before = value_of(node, "design.extra_delay")
     result = change(node, "design.extra_delay", 0.012)
     assert result.successful
@@ -160,12 +172,11 @@ def test_too_many_changes_are_refused(
     active: ControllerNode, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     node = active
-    gate = Gate(node._controller._designed_and_checked)
-    monkeypatch.setattr(node._controller, "_designed_and_checked", gate)
+    gate = gated_design(monkeypatch)
     results = [change(node, "design.extra_delay", 0.011 + 1e-5 * i) for i in range(20)]
     assert [each.successful for each in results].count(True) == 8
     assert "8 changes wait for a design" in results[-1].reason
-    monkeypatch.setattr(node._controller, "_designed_and_checked", gate._work)
+    monkeypatch.setattr(LoopDesign, "_designed_and_checked", gate._work)
     gate.open.set()
     settle(node)
     assert node._controller.settings.extra_delay == pytest.approx(0.01107)
@@ -179,14 +190,16 @@ def test_a_stop_undoes_a_trajectory_that_is_still_being_planned(
     node = active
     gate = Gate(node._controller.references.plan)
     monkeypatch.setattr(node._controller.references, "plan", gate)
-    node._on_trajectory(trajectory(0.1, 0.5))
+    node.reference_topics.on_trajectory(trajectory(0.1, 0.5))
     assert gate.begun.wait(PATIENCE)
     if how == "stop":
         assert stop(node).success
     elif how == "empty trajectory":
-        node._on_trajectory(trajectory())
+        node.reference_topics.on_trajectory(trajectory())
     elif how == "stream":
-        node._on_stream(SimpleNamespace(name=["elbow"], position=[0.01], velocity=[]))
+        node.reference_topics.on_stream(
+            SimpleNamespace(name=["elbow"], position=[0.01], velocity=[])
+        )
     else:
         with node._lock:
             node._controller.drop_commands()
@@ -203,7 +216,7 @@ def test_a_stop_undoes_a_trajectory_that_is_still_being_planned(
 def test_trajectories_are_followed_in_their_order(active: ControllerNode) -> None:
     node = active
     for goal in (0.1, 0.2, 0.3):
-        node._on_trajectory(trajectory(goal))
+        node.reference_topics.on_trajectory(trajectory(goal))
     settle(node)
     assert node._controller.references.spline("elbow").end_position == pytest.approx(0.3)
 
@@ -216,7 +229,7 @@ def test_a_flood_of_trajectories_is_refused(
     monkeypatch.setattr(node._controller.references, "plan", gate)
     rejected = node.intake.rejected
     for _ in range(50):
-        node._on_trajectory(trajectory(0.1))
+        node.reference_topics.on_trajectory(trajectory(0.1))
     assert node.intake.rejected == rejected + 40
     assert stop(node).success
     gate.open.set()
@@ -227,16 +240,16 @@ def test_limits_for_a_new_stiffness_are_computed_elsewhere(
     active: ControllerNode, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     node = active
-    gate = Gate(node._controller._limits._limits)
-    monkeypatch.setattr(node._controller._limits, "_limits", gate)
-    node._on_stiffness(Float64MultiArray(data=[5.37]))
+    gate = Gate(node._controller._limits._limits._limits)
+    monkeypatch.setattr(node._controller._limits._limits, "_limits", gate)
+    node.reference_topics.on_stiffness(Float64MultiArray(data=[5.37]))
     assert gate.begun.wait(PATIENCE)
-    node._on_stiffness(Float64MultiArray(data=[7.93]))  # known or not: in its turn
+    node.reference_topics.on_stiffness(Float64MultiArray(data=[7.93]))  # known or not: in its turn
     assert stop(node).success
     gate.open.set()
     settle(node)
     assert node._controller.stiffness_commands == [7.93]
-    node._on_stiffness(Float64MultiArray(data=[5.37]))  # known now: at once
+    node.reference_topics.on_stiffness(Float64MultiArray(data=[5.37]))  # known now: at once
     assert node._controller.stiffness_commands == [5.37]
 
 
@@ -245,11 +258,11 @@ def test_a_rig_file_is_written_elsewhere_and_only_in_the_folder(
 ) -> None:
     node = active
     made = adapted_rig.AdaptedRig(node.rig, ("a number",), ())
-    monkeypatch.setattr(controller_node, "adapted_rig", lambda *_: made)
-    gate = Gate(controller_node.save_adapted_rig)
-    monkeypatch.setattr(controller_node, "save_adapted_rig", gate)
+    monkeypatch.setattr(operator_services, "adapted_rig", lambda *_: made)
+    gate = Gate(operator_services.save_adapted_rig)
+    monkeypatch.setattr(operator_services, "save_adapted_rig", gate)
     assert change(node, "adaptation.rig_file", "learnt.yaml").successful
-    answer = node._on_save(None, SimpleNamespace(success=False, message=""))
+    answer = node.operator_services.on_save(None, SimpleNamespace(success=False, message=""))
     assert answer.success
     assert "being written" in answer.message
     assert stop(node).success
@@ -290,20 +303,24 @@ def test_no_parameter_keeps_a_stop_waiting(
     node = active
     here: list[str] = []
 
-    def as_asked(settings: ControlSettings) -> PreparedSettings:
+    def as_asked(_: LoopDesign, settings: ControlSettings) -> PreparedSettings:
         """In place of a design, which takes its time."""
         return dataclasses.replace(node._controller.prepared, asked=settings)
 
-    monkeypatch.setattr(node._controller, "_designed_and_checked", as_asked)
-    for name in ("_designed_and_checked", "_with_learning", "foresee_stiffness"):
-        work = getattr(node._controller, name)
+    monkeypatch.setattr(LoopDesign, "_designed_and_checked", as_asked)
+    for owner, name in (
+        (LoopDesign, "_designed_and_checked"),
+        (LoopDesign, "_with_learning"),
+        (Controller, "foresee_stiffness"),
+    ):
+        work = getattr(owner, name)
 
         def elsewhere(*arguments: Any, _work: Any = work, _name: str = name, **named: Any) -> Any:
             if threading.current_thread() is threading.main_thread():
                 here.append(_name)
             return _work(*arguments, **named)
 
-        monkeypatch.setattr(node._controller, name, elsewhere)
+        monkeypatch.setattr(owner, name, elsewhere)
     watching = True
 
     def opened(event: str, arguments: tuple[Any, ...]) -> None:
@@ -341,9 +358,13 @@ def another(parameter: Any, former: Any) -> Any:
 def test_a_trajectory_that_ends_too_early_is_counted_as_malformed(active: ControllerNode) -> None:
     """It is read in another thread, and must not end the node from there."""
     node = active
-    guarded = node._trajectories.callback
-    before = guarded.count
-    guarded(trajectory(0.1, 0.2)[:-40])
+    guard_callbacks(node)  # as the main loop does
+    (take,) = [
+        one.callback for one in node.subscriptions if one.topic_name.endswith("joint_trajectory")
+    ]
+    before = node.reference_topics.trajectories.count
+    take(trajectory(0.1, 0.2)[:-40])
     settle(node)
-    guarded(trajectory()[:10])  # a stop is read at once
-    assert guarded.count == before + 2
+    take(trajectory()[:10])  # a stop is read at once
+    raise_handed_over()
+    assert node.reference_topics.trajectories.count == before + 2

@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
+from pam_control.controller import MODEL_BASED, Controller
 from pam_control.feedback.kept_designs import KeptDesigns
-from pam_control.laws.position_stiffness import PositionStiffnessController
 from pam_control.laws.pressure_ratio_pid import PressureRatioPid
 from pam_control.lowering import EMPTY, LoweringPhase
 from pam_control.references.trajectory import TrajectoryPoint
@@ -16,7 +16,7 @@ DESIGNS = KeptDesigns()
 
 
 def moved(closed_loop, rig, law, target, duration):
-    controller = law(rig, ControlSettings(), DESIGNS)
+    controller = Controller(rig, ControlSettings(), DESIGNS, law)
     loop = closed_loop(controller)
     loop.run(2.0)
     points = [TrajectoryPoint(1.0, [target], [0.0], [0.0])]
@@ -27,7 +27,7 @@ def moved(closed_loop, rig, law, target, duration):
 
 def test_stop_brakes_a_moving_joint_within_its_limits_and_holds_it(closed_loop, rig):
     slow = rig.with_joint(dataclasses.replace(rig.joints[0], max_acceleration=20.0))
-    controller, loop = moved(closed_loop, slow, PositionStiffnessController, 0.8, 0.5)
+    controller, loop = moved(closed_loop, slow, MODEL_BASED, 0.8, 0.5)
     assert controller.references.sample("elbow", loop.time).velocity > 0.5
     controller.stop(loop.time)
     record = loop.run(1.0)
@@ -51,7 +51,7 @@ def sunk(controller, loop, duration):
     return np.array(rows)
 
 
-@pytest.mark.parametrize("law", [PositionStiffnessController, PressureRatioPid])
+@pytest.mark.parametrize("law", [MODEL_BASED, PressureRatioPid()])
 def test_lowering_lets_a_loaded_joint_down_slowly_and_then_stops(closed_loop, rig, law):
     controller, loop = moved(closed_loop, rig, law, 0.8, 3.0)
     held = loop.run(0.1).column(2).mean()
@@ -67,7 +67,7 @@ def test_lowering_lets_a_loaded_joint_down_slowly_and_then_stops(closed_loop, ri
 
 
 def test_lowering_brakes_a_moving_joint_first(closed_loop, rig):
-    controller, loop = moved(closed_loop, rig, PositionStiffnessController, 0.8, 0.5)
+    controller, loop = moved(closed_loop, rig, MODEL_BASED, 0.8, 0.5)
     controller.lower(loop.time)
     loop.run(0.02)
     assert controller.lowering.phase is LoweringPhase.BRAKING
@@ -77,7 +77,7 @@ def test_lowering_brakes_a_moving_joint_first(closed_loop, rig):
 
 
 def test_a_stop_ends_the_lowering_and_holds_the_joint_where_it_is(closed_loop, rig):
-    controller, loop = moved(closed_loop, rig, PositionStiffnessController, 0.8, 3.0)
+    controller, loop = moved(closed_loop, rig, MODEL_BASED, 0.8, 3.0)
     controller.lower(loop.time)
     before = loop.run(1.5).column(2)[-1]
     assert controller.lowering.phase is LoweringPhase.SINKING
@@ -88,7 +88,7 @@ def test_a_stop_ends_the_lowering_and_holds_the_joint_where_it_is(closed_loop, r
 
 
 def test_a_lowered_controller_sends_nothing_until_the_driver_was_vented(closed_loop, rig):
-    controller, loop = moved(closed_loop, rig, PositionStiffnessController, 0.3, 1.5)
+    controller, loop = moved(closed_loop, rig, MODEL_BASED, 0.3, 1.5)
     controller.change(controller.prepared.asked.replace(lowering_time=0.3))
     controller.lower(loop.time)
     sunk(controller, loop, 4.0)

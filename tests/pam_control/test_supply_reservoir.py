@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from pam_control.control_step import Measurement
+from pam_control.controller import Controller
 from pam_control.feedback.supply_reservoir import SupplyReservoir
-from pam_control.laws.position_stiffness import PositionStiffnessController
 from pam_control.settings import ControlSettings
 from pam_model.gas import GAS_CONSTANT, mass_flow
 from pam_model.rig import Rig, load_rig
@@ -51,7 +51,7 @@ def flow_valves(rig: Rig) -> Rig:
 
 
 def test_a_joint_that_draws_takes_supply_from_the_other(rig: Rig) -> None:
-    controller = PositionStiffnessController(flow_valves(rig), ControlSettings())
+    controller = Controller(flow_valves(rig), ControlSettings())
     count = len(rig.muscles)
     sag = []
     for cycle in range(40):

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from pam_control.laws.position_stiffness import PositionStiffnessController
+from pam_control.controller import Controller
 from pam_control.laws.pressure_difference_pid import PressureDifferencePid
 from pam_control.laws.pressure_ratio_pid import PressureRatioPid
 from pam_control.references.trajectory import TrajectoryPoint
@@ -18,10 +18,10 @@ SETTLE = 2.0
 def laws(rig):
     """The model-based law and the two it is compared with, each with its own designed gains."""
     return {
-        "model": PositionStiffnessController(rig, ControlSettings()),
-        "no feedforward": PositionStiffnessController(rig, ControlSettings(feedforward=False)),
-        "ratio": PressureRatioPid(rig, ControlSettings()),
-        "difference": PressureDifferencePid(rig, ControlSettings()),
+        "model": Controller(rig, ControlSettings()),
+        "no feedforward": Controller(rig, ControlSettings(feedforward=False)),
+        "ratio": Controller(rig, ControlSettings(), law=PressureRatioPid()),
+        "difference": Controller(rig, ControlSettings(), law=PressureDifferencePid()),
     }
 
 
@@ -36,6 +36,7 @@ def tracked(loop_type, controller, motion, **options):
     return loop.run(duration + 0.2).rms(SETTLE)
 
 
+@pytest.mark.sampled("one of the two motions", cases=1)
 @pytest.mark.parametrize(("motion", "bound"), [("chirp", 0.015), ("reaching", 0.01)])
 def test_tracks_better_than_without_feedforward_and_than_the_pressure_ratio(
     request, closed_loop, laws, motion, bound
@@ -52,6 +53,7 @@ def test_tracks_better_than_without_feedforward_and_than_the_pressure_ratio(
     assert max(errors.values()) < 0.2
 
 
+@pytest.mark.sampled("two of the three pairs of delays", cases=2)
 @pytest.mark.parametrize(("measured", "sent"), [(0.0, 0.001), (0.002, 0.002), (0.003, 0.007)])
 def test_another_delay_than_told_costs_little(closed_loop, laws, chirp, measured, sent):
     options = {"measurement_delay": measured, "command_delay": sent}
@@ -90,7 +92,7 @@ def test_a_stiffness_out_of_reach_is_cut_and_told(closed_loop, laws):
 
 def test_takes_over_the_present_position_and_pressures(closed_loop, rig):
     """From any state the first commands neither move the joint nor jump a pressure."""
-    controller = PositionStiffnessController(rig, ControlSettings(default_stiffness=10.0))
+    controller = Controller(rig, ControlSettings(default_stiffness=10.0))
     loop = closed_loop(controller, pressure_noise=0.0, quantum=0.0)
     loop.run(SETTLE)
     points = [TrajectoryPoint(1.0, [-0.4], [0.0], [0.0])]
@@ -107,7 +109,7 @@ def test_takes_over_the_present_position_and_pressures(closed_loop, rig):
 
 def test_take_over_of_a_vented_arm_stiffens_at_the_rate_limit(closed_loop, rig):
     settings = ControlSettings(stiffness_rate=10.0)
-    loop = closed_loop(PositionStiffnessController(rig, settings))
+    loop = closed_loop(Controller(rig, settings))
     record = loop.run(1.0)
     delivered, time = record.column(7), record.column(0)
     reached = np.interp([0.5, 1.0], time, delivered)
@@ -119,37 +121,37 @@ def test_integrator_does_not_wind_up_on_what_the_muscles_cannot_do(closed_loop, 
     """Held by a hand far from its reference, then let go: no long overshoot."""
     from pam_control.control_step import Measurement
 
-    controller = PositionStiffnessController(rig, ControlSettings())
+    controller = Controller(rig, ControlSettings())
     held = [0.0]
     pressures = [2e5, 2e5]
     controller.step(0.0, Measurement(held, pressures, 0.0, 0.0))
     points = [TrajectoryPoint(0.5, [0.9], [0.0], [0.0])]
     controller.references.follow(["elbow"], points, start=None, now=0.0)
     channel = controller.channels[0]
-    pid, limit = channel.pid, channel.scale.complete(controller.settings).integral_limit
+    limit = channel.setup.integral_limit
     for cycle in range(1, 2500):
         now = 0.002 * cycle
-        controller.step(now, Measurement(held, list(controller.channels[0].desired), now, now))
-        assert abs(pid.integral) <= limit
+        controller.step(now, Measurement(held, list(channel.telemetry.pressures), now, now))
+        assert abs(channel.integral) <= limit
     telemetry = controller.channels[0].telemetry
-    reach = controller.channels[0].model.pressures_for(1e6, 14.0, 0.9).torque
-    gains = controller.settings.gains["elbow"]
+    reach = controller.channels[0].models.model.pressures_for(1e6, 14.0, 0.9).torque
+    gains = controller.settings.gains["elbow"].at(14.0)
     assert gains.integral * 0.9 * 5.0 > 10.0 * reach  # it had every reason to
     assert telemetry.torque < 2.0 * reach
 
 
 def test_desired_pressures_move_no_faster_than_their_limit(closed_loop, rig):
     limit = 2e5
-    controller = PositionStiffnessController(rig, ControlSettings(pressure_rate=limit))
+    controller = Controller(rig, ControlSettings(pressure_rate=limit))
     loop = closed_loop(controller)
     loop.run(3.0)
     points = [TrajectoryPoint(0.01, [0.5])]
     controller.references.follow(["elbow"], points, start=None, now=loop.time)
-    seen = [controller.channels[0].desired]
+    seen = [controller.channels[0].telemetry.pressures]
     clipped = set()
 
     def watch(_: float) -> None:
-        seen.append(controller.channels[0].desired)
+        seen.append(controller.channels[0].telemetry.pressures)
         clipped.update(controller.channels[0].telemetry.clipped)
 
     loop.run(0.5, watch)
@@ -160,7 +162,7 @@ def test_desired_pressures_move_no_faster_than_their_limit(closed_loop, rig):
 
 
 def test_commands_and_desired_pressures_stay_in_range_under_wild_references(closed_loop, rig):
-    controller = PositionStiffnessController(rig, ControlSettings())
+    controller = Controller(rig, ControlSettings())
     loop = closed_loop(controller)
     loop.run(1.0)
     for target in (1.0, -1.0, 0.9, -0.9):
@@ -169,12 +171,12 @@ def test_commands_and_desired_pressures_stay_in_range_under_wild_references(clos
         record = loop.run(0.3)
         for muscle in (5, 6):
             assert np.abs(record.column(muscle)).max() <= 1.0
-        desired = controller.channels[0].desired
+        desired = controller.channels[0].telemetry.pressures
         assert all(0.0 <= pressure <= 6.0e5 for pressure in desired)
 
 
 def test_two_joints_are_controlled_each_on_its_own(closed_loop, two_joint_rig):
-    controller = PositionStiffnessController(two_joint_rig, ControlSettings())
+    controller = Controller(two_joint_rig, ControlSettings())
     loop = closed_loop(controller)
     loop.run(SETTLE)
     points = [TrajectoryPoint(1.0, [0.4], [0.0], [0.0])]
@@ -184,7 +186,7 @@ def test_two_joints_are_controlled_each_on_its_own(closed_loop, two_joint_rig):
     assert record.column(2)[-1] == pytest.approx(0.4, abs=2e-3)
     elbow = loop.plants[1].output
     assert elbow["position"] == pytest.approx(0.0, abs=2e-3)
-    model = controller.channels[1].model
+    model = controller.channels[1].models.model
     pressures = elbow["agonist.pressure"], elbow["antagonist.pressure"]
     assert model.stiffness(*pressures, elbow["position"]) == pytest.approx(18.0, rel=0.02)
 
@@ -192,7 +194,7 @@ def test_two_joints_are_controlled_each_on_its_own(closed_loop, two_joint_rig):
 def test_refuses_to_act_on_what_is_old_missing_or_not_a_number(rig):
     from pam_control.control_step import Measurement
 
-    controller = PositionStiffnessController(rig, ControlSettings())
+    controller = Controller(rig, ControlSettings())
     good = ([0.1], [1e5, 1e5])
     assert controller.step(1.0, Measurement(*good, 1.0, 1.0)).commands is not None
     cases = [

@@ -14,7 +14,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from pam_control.command_intake import CommandIntake
 from pam_control.control_step import Measurement
-from pam_control.laws.position_stiffness import PositionStiffnessController
+from pam_control.controller import Controller
 from pam_control.references.trajectory import CommandError
 from pam_control.settings import ControlSettings
 from pam_control.trajectory_message import read_trajectory
@@ -98,7 +98,7 @@ class WatchedLock:
 
 @pytest.fixture(scope="module")
 def controller(rig):
-    return PositionStiffnessController(rig, ControlSettings())
+    return Controller(rig, ControlSettings())
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pam_control.joint_channel import JointChannel
+from pam_control.joint_models import JointModels
 from pam_control.references.jerk_limited_stop import rest_position
 from pam_control.references.motion_limiter import MotionLimiter, MotionLimits
 from pam_control.references.spline import JointReference
@@ -25,7 +25,7 @@ LIMITS = MotionLimits(3.6, 200.0, 2.5, 50.0, 1200.0, jerk=2000.0)
 
 def demand(rig: Rig) -> ValveDemand:
     robot = compose(rig)
-    return ValveDemand(robot, JointChannel(robot, robot.joints[0], 5e3), STIFFNESS)
+    return ValveDemand(robot, JointModels.of(robot, robot.joints[0], 5e3), STIFFNESS)
 
 
 def share(rig: Rig, *motion: float) -> float:
@@ -44,16 +44,16 @@ def test_the_share_of_a_constant_speed_is_that_of_the_pressures_on_the_way(rig: 
     """Two equilibria a little apart, and the flow that leads from one to the other."""
     joint, gas = rig.joints[0], rig.gas
     robot = compose(rig)
-    channel = JointChannel(robot, robot.joints[0], 5e3)
+    models = JointModels.of(robot, robot.joints[0], 5e3)
     position, speed, step = 0.3, 1.5, 1e-4
     torque = joint.viscous_friction * speed
 
     def pressures(q: float) -> tuple[float, float]:
-        reached = channel.model.pressures_for(channel.dynamics.gravity(q) + torque, STIFFNESS, q)
+        reached = models.model.pressures_for(models.dynamics.gravity(q) + torque, STIFFNESS, q)
         return reached.agonist, reached.antagonist
 
     found = []
-    slopes, volumes = channel.model.volume_slopes(position), channel.model.volumes(position)
+    slopes, volumes = models.model.volume_slopes(position), models.model.volumes(position)
     ends = zip(pressures(position), pressures(position + step), strict=True)
     for (first, then), slope, volume, muscle in zip(
         ends, slopes, volumes, rig.muscles, strict=True

@@ -49,6 +49,16 @@ class LoggedChain:
         self.log.append(f"started {name}")
         return SlowRig(self.log)
 
+    def start_robot(self, parameters: Any = None) -> Any:
+        self.log.append("started robot")
+        assert parameters["driver"]["activate_on_start"]
+        assert "loop.rate" in parameters["controller"]
+        return SlowRig(self.log)
+
+    def stop(self, name: str) -> int:
+        self.log.append(f"stopped {name}")
+        return 0
+
     def check(self) -> None:
         pass
 
@@ -57,11 +67,32 @@ def test_the_driver_is_started_only_when_the_rig_has_compiled_its_plant(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """Else its time to wait for the boards passes while a busy host compiles."""
+    for separate in (True, False):
+        log = performed(monkeypatch, tmp_path, separate=separate)
+        assert log[:2] == ["started rig", "waited for simulating"]
+        assert log[2] == ("started driver" if separate else "started robot")
+
+
+def performed(monkeypatch: pytest.MonkeyPatch, folder: Path, *, separate: bool) -> list[str]:
+    """What the demo starts and stops for two control laws."""
     monkeypatch.setattr("pam_demo.demo.NodeProcess", lambda *_, **__: None)
+    monkeypatch.setattr("pam_demo.demo._play", lambda *_: (0.0, []))
     chain = LoggedChain()
-    player = SimpleNamespace(wait_for_driver=lambda *_: None)
-    perform(chain, player, tmp_path, [], {})  # type: ignore[arg-type]
-    assert chain.log[:3] == ["started rig", "waited for simulating", "started driver"]
+    calls = ("wait_for_driver", "wait_for_controller", "vent", "activate")
+    player = SimpleNamespace(**{name: lambda *_: None for name in calls})
+    plays = [(law, arm_motion()) for law in ("full", "pressure_ratio_pid")]
+    perform(chain, player, folder, plays, {}, separate=separate)  # type: ignore[arg-type]
+    return chain.log
+
+
+def test_another_law_starts_the_process_of_the_controller_again(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    together = performed(monkeypatch, tmp_path, separate=False)[2:]
+    assert together == ["started robot", "stopped robot", "started robot"]
+    apart = performed(monkeypatch, tmp_path, separate=True)[2:]
+    assert apart == ["started driver", "started model", "started controller",
+                     "stopped controller", "started controller"]  # fmt: skip
 
 
 def test_the_rigs_node_says_that_it_simulates_in_the_words_for_which_the_demo_waits() -> None:

@@ -12,13 +12,15 @@ from sensor_msgs.msg import JointState
 from pam_demo.processes import NodeProcess
 from pam_gap.recordings.import_recording import import_recording
 
-SEVERAL_CHUNKS = 20_000  # bytes
+SEVERAL_CHUNKS = 3  # one is written each second
+AT_ONCE = 5  # at most what the queue holds
 
 
 @pytest.mark.system
 def test_a_killed_recorder_leaves_a_readable_bag(probe, ros_environment, tmp_path: Path) -> None:
     bag = tmp_path / "bag"
     sent: list[JointState] = []
+    sizes: set[int] = set()
     arguments = ["--out", str(bag)]
     publisher = probe.node.create_publisher(JointState, "joint_states", 10)
     recorder = NodeProcess(
@@ -29,12 +31,13 @@ def test_a_killed_recorder_leaves_a_readable_bag(probe, ros_environment, tmp_pat
 
         def publish() -> bool:
             recorder.check()
-            message = JointState(name=["elbow"], position=[math.sin(0.01 * len(sent))])
-            message.header.stamp = probe.node.get_clock().now().to_msg()
-            publisher.publish(message)
-            sent.append(message)
-            files = list(bag.glob("*.mcap"))
-            return bool(files) and files[0].stat().st_size > SEVERAL_CHUNKS
+            for _ in range(AT_ONCE):
+                message = JointState(name=["elbow"], position=[math.sin(0.01 * len(sent))])
+                message.header.stamp = probe.node.get_clock().now().to_msg()
+                publisher.publish(message)
+                sent.append(message)
+            sizes.update(file.stat().st_size for file in bag.glob("*.mcap"))
+            return len(sizes) > SEVERAL_CHUNKS
 
         probe.wait_for("what the system holds", publish, 60.0)
         recorder.send(signal.SIGKILL)

@@ -132,6 +132,6 @@ def exchanged(rig: Rig) -> Rig:
 def free_rig(folder: Path, torque: float, length: float, inertia: float) -> Rig:
     """A horizontal joint: no weight holds it back."""
     path = folder / "rig.yaml"
-    size = size_joint(torque, 1.0, 3.0, 5e5, length)
+    size = size_joint(torque, 1.0, 3.0, 5e5, length, 6e5)
     path.write_text(sized_rig(size, 1.0, 5e5, inertia).text(), encoding="utf-8")
     return load_rig(path)

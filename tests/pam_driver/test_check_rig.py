@@ -12,6 +12,7 @@ from pam_driver.__main__ import main
 from pam_driver.bus_load import bus_load, classic_bits, frame_time
 from pam_driver.can_bus.identifiers import EXTENDED, FD
 from pam_driver.tools.check_rig import check_rig
+from pam_model.errors import RigError
 from pam_model.rig import Bus, Encoder, Rig, load_rig, save_rig
 from support.rigs import CONFIG, ELBOW
 
@@ -131,3 +132,28 @@ def test_a_weight_that_the_muscles_cannot_hold_is_a_caution() -> None:
     assert "the joint cannot stay at this angle" in caution
     upside_down = rig.with_joint(replace(rig.joints[0], gravity_torque=-60.0))
     assert len(check_rig(upside_down, Bus(), 500.0).cautions) == 1
+
+
+@pytest.mark.parametrize(
+    ("neutral_length", "share"), [(0.12, "at every angle"), (0.18, "at some angles"), (0.19, "")]
+)
+def test_a_muscle_that_cannot_pull_is_refused_with_the_length_that_helps(
+    neutral_length: float, share: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rig, path = load_rig(ELBOW), tmp_path / "rig.yaml"
+    for muscle in rig.muscles:
+        rig = rig.with_muscle(replace(muscle, neutral_length=neutral_length))
+    save_rig(rig, path)
+    assert main(["check-rig", str(path)]) == (MISTAKE if share else 0)
+    shown = capsys.readouterr().err
+    for muscle in rig.muscles if share else ():
+        expected = f"{path}: {muscle.name}.neutral_length = {neutral_length:g} m: {share} of elbow"
+        assert f"{expected} the muscle pulls 0 N, although it has 600000 Pa gauge" in shown
+        assert "use a neutral_length of 0.189" in shown
+
+
+def test_a_muscle_that_pulls_at_no_length_needs_more_pressure() -> None:
+    rig = load_rig(ELBOW)
+    weak = rig.with_muscle(replace(rig.muscles[0], max_pressure=1.0))
+    with pytest.raises(RigError, match="pull at no length; raise max_pressure and supply"):
+        check_rig(weak, Bus(), 500.0)

@@ -120,7 +120,7 @@ def test_a_flaw_is_told_with_its_line_where_it_matters_and_survived_elsewhere(
 
 
 SPELLINGS: Final = (
-    *("BAR", "Bar", "bar ", " bar", "[bar]", "(bar)", "bar."),
+    *("BAR", "Bar", "bar ", " bar", "[bar]", "(bar)", "bar.", "bars"),
     *("bar abs", "bar(a)", "bar (abs)", "bara", "BAR_A", "bar absolute"),
 )
 NUMBERS: Final = {
@@ -217,7 +217,13 @@ def test_a_spelling_that_nobody_knows_is_a_caution_where_the_rig_file_says_the_u
     assert tables(reader) == tables(read(manifold, tmp_path / "good.dbc", GOOD))
 
 
-@pytest.mark.parametrize("spelling", ["kPa", "KPA", "psig", "deg", "°C", "rpm", "mA"])
+@pytest.mark.parametrize(
+    "spelling",
+    [
+        *("kPa", "KPA", "kN/m²", "kilopascal", "N/mm2", "Megapascal", "N/m2", "psig"),
+        *("deg", "°C", "rpm", "mA"),
+    ],
+)
 def test_a_known_unit_that_contradicts_the_rig_file_is_refused(
     spelling: str, manifold: WiredBoard, tmp_path: Path
 ) -> None:

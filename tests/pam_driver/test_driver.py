@@ -575,3 +575,42 @@ def test_physics_begins_anew_after_a_stall(
     bench.step(0.01)
     assert not any(math.isnan(value) for value in judge.seen[-1])
     assert judge.restarts == begun + 1
+
+
+def test_a_controller_in_the_cycle_sends_in_the_cycle_that_has_measured(bench: Bench) -> None:
+    """What the measurements ask for leaves with the same call, judged like every other command."""
+    bench.start()
+    seen: list[Snapshot] = []
+
+    def control(snapshot: Snapshot) -> None:
+        seen.append(snapshot)
+        share = snapshot.pressures[0] / 1e6
+        bench.driver.set_commands(NamedCommand(NAMES, (share, 0.0)), bench.now)
+
+    for pressure in (100_000.0, 300_000.0):
+        bench.board.pressures = [pressure, 100_000.0]
+        bench.now += PERIOD
+        bench.board.step(bench.now)
+        snapshot = bench.driver.cycle(bench.now, 0.0, control=control)
+        assert seen[-1].pressures[0] == pressure
+        assert seen[-1].pressure_time == pytest.approx(bench.now, abs=PERIOD)
+        assert seen[-1].joint_time == pytest.approx(bench.now, abs=PERIOD)
+        assert snapshot.sent == pytest.approx((pressure / 1e6, 0.0))
+
+
+def test_a_fault_of_the_cycle_is_stopped_whatever_its_controller_commands(bench: Bench) -> None:
+    bench.start()
+
+    def control(_: Snapshot) -> None:
+        offer(bench.driver, NamedCommand(NAMES, (1.0, 1.0)), bench.now)
+
+    bench.board.pressures = [1_000_000.0, 100_000.0]
+    sent = []
+    for _ in range(25):
+        bench.now += PERIOD
+        bench.board.step(bench.now)
+        sent.append(bench.driver.cycle(bench.now, 0.0, control=control))
+    stopped = [snapshot for snapshot in sent if snapshot.state is not SafetyState.ACTIVE]
+    assert stopped
+    assert sent[-len(stopped) :] == stopped
+    assert all(snapshot.sent == (-1.0, -1.0) for snapshot in stopped)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import random
 import shutil
 import signal
 import subprocess
@@ -18,7 +17,7 @@ from lifecycle_msgs.msg import Transition
 from rcl_interfaces.srv import SetParameters
 from sensor_msgs.msg import JointState
 
-from pam_demo.chain import private_domain
+from pam_demo.chain import free_udp_port, private_domain
 from pam_driver.boards.pam_board.codec import (
     BoardCode,
     BoardCodec,
@@ -50,7 +49,7 @@ class Bench:
         self.folder = folder
         self.bus: dict[str, Any] = {"interface": kind, "channel": VCAN}
         if kind == "udp_multicast":
-            self.bus |= {"channel": "239.74.163.9", "port": random.randint(20_000, 60_000)}
+            self.bus |= {"channel": "239.74.163.9", "port": free_udp_port()}
         self.board = RealTimeBoard(codec, self.bus)
         self.peer = RosPeer(self.domain)
         self.drivers: list[DriverProcess] = []
@@ -272,7 +271,7 @@ BAD_MESSAGES: dict[str, tuple[Callable[[JointState], None], str]] = {
 }
 
 
-@pytest.mark.sampled("two bad messages; test_command_intake refuses every kind", cases=2)
+@pytest.mark.sampled("one bad message; test_command_intake refuses every kind", cases=1)
 @pytest.mark.system
 @pytest.mark.rerun_because(HOST_STALLS)
 @pytest.mark.parametrize("name", BAD_MESSAGES)

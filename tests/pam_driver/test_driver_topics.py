@@ -69,6 +69,17 @@ def test_a_topic_that_nobody_hears_is_not_written() -> None:
         topics.publish(measured, SimpleNamespace(), 2.0, 2.0)  # type: ignore[arg-type]
 
 
+def test_observers_may_ask_for_a_part_of_the_cycles() -> None:
+    rig, node = load_rig(TWO_JOINTS), Node()
+    topics = DriverTopics(node, rig, False, every=5)
+    for _ in range(20):
+        topics.publish(snapshot(rig, (0.1, 0.2)), SimpleNamespace(), 2.0, 2.0)  # type: ignore[arg-type]
+    assert {name: len(sent) for name, sent in node.published.items() if sent} == {
+        "pressure_states": 4,
+        "joint_states": 4,
+    }
+
+
 def test_a_joint_that_is_not_measured_is_left_out_of_joint_states() -> None:
     names, message = published((math.nan, 0.2))
     assert list(message.name) == list(names[1:])

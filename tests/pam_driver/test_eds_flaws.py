@@ -111,10 +111,15 @@ HARMLESS: Final[dict[str, Callable[[str], str]]] = {
     "unknown keys": lambda text: re.sub(r"(?m)^(ObjectType=.*)", r"\1\nColour=blue", text),
     "no DeviceInfo": lambda text: text[text.index("[1000]") :],
     "every key twice": lambda text: re.sub(r"(?m)^(\w+=.*)", r"\1\n\1", text),
+    "every section twice": lambda text: f"{text}\n{text}",
+    "sections with 0x": lambda text: re.sub(r"\[([0-9A-F]{4})", r"[0x\1", text),
+    "end of a file of DOS": lambda text: f"{text}\x1a",
     "octal numbers": lambda text: text.replace("DataType=0x0007", "DataType=007"),
 }
 OPTIONAL: Final = ("[1000]", "[1018]", "[1018sub1]", "[1018sub2]")
 """What only makes the identity of the device checked."""
+LIKE_OTHERS: Final = re.compile(r"\[1801|\[1A0[01]sub[4-8]")
+"""Sections that the driver reads as it reads those of PDO 1 and of its first three entries."""
 ENCODINGS: Final = ("utf-8", "utf-8-sig", "cp1252", "gbk", "utf-16")
 
 
@@ -174,6 +179,8 @@ def test_a_flaw_is_told_with_its_line_where_it_matters_and_survived_elsewhere(
     parts = sections()
     told = 0
     for number, part in enumerate(parts):
+        if LIKE_OTHERS.match(part[0]):
+            continue
         changed = FLAWS[flaw](part)
         if changed is None or (flaw == "header without its end" and not part[0].startswith("[")):
             continue

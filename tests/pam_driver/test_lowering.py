@@ -79,6 +79,7 @@ def test_a_lowered_arm_sinks_slowly_between_hold_and_rest(rig: Rig) -> None:
     assert max(bench.truth.pressures) < 1e3
 
 
+@pytest.mark.sampled("four of the seven differences", cases=4)
 @pytest.mark.parametrize(
     "effects",
     [

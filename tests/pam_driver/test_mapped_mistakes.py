@@ -383,6 +383,7 @@ def paths_of(tree: Any, path: tuple[str, ...] = ()) -> list[tuple[str, ...]]:
 JUNK = (None, 5, -1, 1e99, True, "", "x", "a.b", [], [1], ["x", 2.5], {}, {"a": {}}, {"signal": 3})
 
 
+@pytest.mark.sampled("one value of each type", alike=lambda junk: type(junk).__name__)
 @pytest.mark.parametrize("junk", JUNK, ids=repr)
 def test_nonsense_anywhere_in_a_section_is_refused_or_accepted_but_never_a_crash(
     junk: object,

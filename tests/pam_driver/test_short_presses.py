@@ -21,7 +21,7 @@ from lifecycle_msgs.msg import Transition
 from rclpy.qos import QoSProfile
 from std_msgs.msg import Bool
 
-from pam_demo.chain import private_domain
+from pam_demo.chain import free_udp_port, private_domain
 from pam_driver.boards.pam_board.codec import BoardCodec
 from pam_ros.driver_state import LATCHED
 
@@ -38,7 +38,7 @@ def test_a_press_of_one_message_is_latched_each_time(codec: BoardCodec, tmp_path
     bus = {
         "interface": "udp_multicast",
         "channel": f"239.74.163.{random.randint(10, 250)}",
-        "port": random.randint(20_000, 60_000),
+        "port": free_udp_port(),
     }
     board = RealTimeBoard(codec, bus)
     peer = RosPeer(int(private_domain()["ROS_DOMAIN_ID"]))

@@ -14,7 +14,7 @@ import pytest
 from rosbags.highlevel import AnyReader
 
 from pam_gap.live.message_intervals import MessageIntervals
-from pam_gap.live.recording_advice import RecordingAdvice
+from pam_gap.live.recording_advice import RecordingAdvice, progress_line
 from pam_gap.rules import DEFAULT
 from pam_model.rig import load_rig
 from support.rigs import ELBOW
@@ -43,6 +43,13 @@ def watched(
         if "sent_valve_commands" in topics:
             advice.take("sent_valve_commands", time)
     return advice.missing()
+
+
+def test_the_line_of_a_complete_recording_does_not_call_anything_missing():
+    assert progress_line(41.0, []) == (
+        "41 s: nothing is missing any more; Ctrl-C ends the recording"
+    )
+    assert progress_line(3.0, ["a", "b"]) == "3 s, still missing: a; b"
 
 
 def test_a_complete_recording_misses_nothing():

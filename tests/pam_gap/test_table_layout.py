@@ -138,6 +138,19 @@ def test_a_mapped_column_that_is_text_is_named_with_its_first_value(tmp_path: Pa
         read_table(path, load_column_map(place))
 
 
+def test_a_time_and_pressures_that_are_text_are_named_with_their_first_value(
+    tmp_path: Path,
+) -> None:
+    names = "time,p elbow_flexor [bar],p elbow_extensor [bar],phi elbow [deg]"
+    path = tmp_path / "log.csv"
+    path.write_text("\n".join([names, *(f"at {k},2,2.{k},{k}" for k in range(40))]))
+    with pytest.raises(RecordingError, match=r"time .*; column 'time' holds text such as 'at 0'"):
+        import_log(path, RIG, tmp_path / "out")
+    path.write_text("\n".join([names, *(f"0.{k:03},{2 + k} bar,2,{k}" for k in range(400))]))
+    (problem,) = import_log(path, RIG, tmp_path / "out").problems
+    assert "column 'p elbow_flexor [bar]' holds text such as '2 bar' in row 1" in problem
+
+
 @pytest.mark.parametrize("channels", ["{}", "{pressure_states.elbow_flexor: q}"])
 def test_a_wrong_map_is_named_and_no_symptom(channels: str, tmp_path: Path, capsys) -> None:
     (tmp_path / "log.csv").write_text(text(","))

@@ -29,6 +29,9 @@ TABLE = pd.DataFrame(
         {"encoding": "utf-8-sig"},
         {"encoding": "utf-16"},
         {"quoting": 2},
+        {"quoting": 1, "decimal": ","},
+        {"sep": "|"},
+        {"sep": "|", "decimal": ","},
     ],
 )
 def test_what_a_spreadsheet_writes_is_read_like_the_plain_table(
@@ -49,10 +52,26 @@ def test_a_degree_sign_of_an_old_spreadsheet_is_read(tmp_path: Path) -> None:
     assert "Winkel [°]" in read_columns(path).columns
 
 
-def test_dates_become_seconds(tmp_path: Path) -> None:
+def test_names_of_a_chinese_instrument_are_read(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    TABLE.rename(columns={"time": "时间"}).to_csv(path, index=False, encoding="gbk")
+    assert "时间" in read_columns(path).columns
+
+
+def test_numbers_as_fortran_writes_them_are_read(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text(TABLE.to_csv(index=False, float_format="%.9E").replace("E", "D"))
+    np.testing.assert_allclose(read_columns(path).columns["time"], TIME)
+
+
+@pytest.mark.parametrize(
+    "stamp",
+    ["%Y-%m-%d %H:%M:%S.%f", "%d.%m.%Y %H:%M:%S,%f", "%Y/%m/%d %H:%M:%S.%f", "%H:%M:%S:%f"],
+)
+def test_dates_become_seconds(stamp: str, tmp_path: Path) -> None:
     dates = pd.Timestamp("2026-03-02T14:30:00") + pd.to_timedelta(TIME, unit="s")
     path = tmp_path / "log.csv"
-    TABLE.assign(time=dates.astype(str)).to_csv(path, index=False)
+    TABLE.assign(time=dates.strftime(stamp)).to_csv(path, index=False, sep=";")
     time = read_table(path).channels["pressure_states.flexor"].time
     np.testing.assert_allclose(time - time[0], TIME, atol=1e-6)
 

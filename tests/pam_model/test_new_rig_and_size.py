@@ -123,6 +123,14 @@ def test_answers_of_a_pipe_that_do_not_suffice_are_an_error(
         ["new-rig", "RIG", "--defaults", "--max-pressure", "3bar"],
         ["new-rig", "RIG", "--defaults", "--valve", "pressure_regulator"],
         *(["new-rig", "RIG", "--defaults", "--size", name] for name in SIZES),
+        *(
+            ["size", *task.split(), "--write-rig", "RIG"]
+            for task in (
+                "--torque 5 --range 1 --speed 3 --pressure 5e5",
+                "--torque 20 --range 0.7 --speed 2 --pressure 6e5",
+                "--torque 1 --range 1.2 --speed 5 --pressure 3bar",
+            )
+        ),
     ],
 )
 def test_a_new_rig_draws_no_caution(options, tmp_path, capsys):

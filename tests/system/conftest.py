@@ -1,8 +1,9 @@
-"""A whole simulated rig per test: rig, driver, model and controller as processes."""
+"""A whole simulated rig: rig and robot, or rig, driver, model and controller, as processes."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,8 +16,9 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from pam_demo.chain import BusChoice, Chain
+from pam_demo.chain import BusChoice, Chain, multicast_bus, private_domain
 from pam_demo.processes import Setting
+from pam_model.errors import PamError
 from support.frames import FrameListener
 from support.probe import Probe
 
@@ -61,6 +63,8 @@ SLOW: dict[str, dict[str, Setting]] = {
     "controller": {"loop.rate": 50.0, "loop.stale_after": 2.0},
 }
 NODES = ("rig", "driver", "model", "controller")
+TOGETHER = ("rig", "robot")
+"""The same with driver, model and controller in one process."""
 
 
 @dataclass
@@ -75,8 +79,11 @@ class Suite:
     positions: list[Any]
 
     def start(self, name: str) -> None:
-        """Start one node with the settings of this host."""
-        self.chain.start(name, self.settings[name])
+        """Start one process with the settings of this host."""
+        if name == "robot":
+            self.chain.start_robot(self.settings)
+        else:
+            self.chain.start(name, self.settings[name])
 
     def wait(self, what: str, condition: Callable[[], Any], timeout: float = 20.0) -> Any:
         """Wait for a condition; fails at once if a process has ended by itself."""
@@ -119,6 +126,18 @@ class Suite:
             )
 
         self.wait("a controller that has heard the driver", controls, 60.0)
+
+    def get_ready(self) -> None:
+        """Start what has ended and activate what has stopped, as a person would."""
+        ended = [name for name in NODES if not self._runs(name)]
+        for name in ended:
+            self.start(name)
+        if ended or self.driver_state() != "active":
+            self.recover()
+            self.wait_until_controlling()
+
+    def _runs(self, name: str) -> bool:
+        return name in self.chain.processes and self.chain.processes[name].running
 
     def recover(self) -> None:
         """Clear faults and activate, as a person would."""
@@ -164,46 +183,78 @@ class Suite:
         self.wait(f"{joint} at {angle:g} rad", there)
 
 
+@contextmanager
+def running(
+    rig_path: Path,
+    bus: BusChoice,
+    environment: dict[str, str],
+    folder: Path,
+    nodes: tuple[str, ...] = NODES,
+    *,
+    slow: bool,
+) -> Iterator[Suite]:
+    """A chain for a rig file; its nodes are ended at the end, and their output is shown."""
+    environment = {**environment, "ROS_LOG_DIR": str(folder)}
+    if slow:
+        # compiling costs more than it saves there
+        environment["PAM_NO_NUMBA"] = "1"
+    with FrameListener(bus) as frames, Probe(environment) as probe:
+        chain = Chain([rig_path], bus, environment)
+        positions = probe.listen(JointState, "joint_states")
+        settings = SLOW if slow else RELAXED
+        suite = Suite(chain, probe, frames, 30.0 if slow else 1.0, settings, positions)
+        try:
+            for name in nodes[:3]:
+                suite.start(name)
+            if len(nodes) > 1:
+                suite.wait_until_active()
+            if "controller" in nodes:
+                suite.start("controller")
+            if nodes[-1] in {"controller", "robot"}:
+                suite.wait_until_controlling()
+            yield suite
+        finally:
+            chain.stop_all()
+            for name, text in chain.outputs.items():
+                print(f"--- {name}\n{text}")
+
+
 @pytest.fixture
 def make_suite(
-    request: pytest.FixtureRequest,
-    bus: BusChoice,
-    frames: FrameListener,
-    probe: Probe,
-    ros_environment: dict[str, str],
-    slow_host: bool,
-    patience: float,
-    tmp_path: Path,
+    bus: BusChoice, ros_environment: dict[str, str], slow_host: bool, tmp_path: Path
 ) -> Iterator[Callable[..., Suite]]:
-    """Start the chain for a rig file; everything is ended after the test, and its output shown."""
-    chains: list[Chain] = []
+    """A function that starts the chain of a rig file for one test, with `NODES` or `TOGETHER`."""
+    with ExitStack() as stack:
+        yield lambda rig_path, nodes=NODES: stack.enter_context(
+            running(rig_path, bus, ros_environment, tmp_path, nodes, slow=slow_host)
+        )
 
-    def make(rig_path: Path, nodes: tuple[str, ...] = NODES) -> Suite:
-        environment = {**ros_environment, "ROS_LOG_DIR": str(tmp_path)}
-        if slow_host:
-            # compiling costs more than it saves there
-            environment["PAM_NO_NUMBA"] = "1"
-        chain = Chain([rig_path], bus, environment)
-        chains.append(chain)
-        positions = probe.listen(JointState, "joint_states")
-        settings = SLOW if slow_host else RELAXED
-        suite = Suite(chain, probe, frames, patience, settings, positions)
-        for name in nodes[:3]:
-            suite.start(name)
-        suite.wait_until_active()
-        if "controller" in nodes:
-            suite.start("controller")
-            suite.wait_until_controlling()
-        return suite
 
-    yield make
-    for chain in chains:
-        chain.stop_all()
-        for name, text in chain.outputs.items():
-            print(f"--- {name}\n{text}")
+@pytest.fixture(scope="session")
+def shared() -> Iterator[dict[str, Any]]:
+    """What `suite` has started, as `suite`, and `close`, which ends it."""
+    kept: dict[str, Any] = {"close": lambda: None}
+    yield kept
+    kept["close"]()
 
 
 @pytest.fixture
-def suite(make_suite: Callable[..., Suite], rig_path: Path) -> Suite:
-    """The elbow, controlled, at rest."""
-    return make_suite(rig_path)
+def suite(shared: dict[str, Any], rig_path: Path, slow_host: bool, tmp_path_factory: Any) -> Suite:
+    """The elbow, controlled; the same chain for all tests, which leave it somewhere in its range.
+
+    A chain that cannot be made to work again is replaced.
+    """
+    if "suite" in shared:
+        try:
+            shared["suite"].get_ready()
+        except (AssertionError, PamError):
+            shared.pop("suite")
+            shared["close"]()
+    if "suite" not in shared:
+        stack = ExitStack()
+        shared["close"] = stack.close
+        folder = tmp_path_factory.mktemp("chain")
+        started = running(rig_path, multicast_bus(), private_domain(), folder, slow=slow_host)
+        shared["suite"] = stack.enter_context(started)
+    found: Suite = shared["suite"]
+    return found

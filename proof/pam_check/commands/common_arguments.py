@@ -47,3 +47,12 @@ def add_inputs(parser: Parser) -> None:
         help="number of inputs, run in blocks of a thousand (default: %(default)s)",
     )
     add_seed(parser, 0)
+
+
+def add_one_process(parser: Parser) -> None:
+    """`--one-process`: driver and controller as the program of the robot runs them."""
+    parser.add_argument(
+        "--one-process",
+        action="store_true",
+        help="driver and controller share one cycle (default: they exchange messages)",
+    )

@@ -159,6 +159,17 @@ def _rough_rig(given: Arguments) -> Outcome:
     return run(given)
 
 
+def _declare_feedback_cost(parser: Parser) -> None:
+    add_rig(parser)
+    add_seed(parser, 1)
+
+
+def _feedback_cost(given: Arguments) -> Outcome:
+    from pam_check.control.feedback_cost import run  # noqa: PLC0415  (numba)
+
+    return run(given)
+
+
 COMMANDS = (
     Command(
         "rough-control",
@@ -214,5 +225,12 @@ COMMANDS = (
         _rough_rig,
         bad_news="if the controller is worse than before after the diagnosis or after learning, or "
         "then worse than the PID",
+    ),
+    Command(
+        "feedback-cost",
+        "design the feedback with several leads, and show how well each rejects disturbances and "
+        "how much the valves work",
+        _declare_feedback_cost,
+        _feedback_cost,
     ),
 )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pam_check.commands.common_arguments import add_seed
+from pam_check.commands.common_arguments import add_one_process, add_seed
 from pam_model.argument_types import count, number
 from pam_model.command_line import Arguments, Command, Outcome, Parser, add_rig
 
@@ -18,6 +18,7 @@ def _declare_kill_trials(parser: Parser) -> None:
         metavar="N",
         help="number of kills (default: %(default)s)",
     )
+    add_one_process(parser)
 
 
 def _kill_trials(given: Arguments) -> Outcome:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pam_check.commands.common_arguments import add_jobs, add_kinds, add_seed
+from pam_check.commands.common_arguments import add_jobs, add_kinds, add_one_process, add_seed
 from pam_model.argument_types import count, output_file, output_folder
 from pam_model.command_line import Arguments, Command, Outcome, Parser, add_rig
 
@@ -16,6 +16,7 @@ def _declare_faults(parser: Parser) -> None:
         help="number of injections in total (default: 1000 for all kinds)",
     )
     add_kinds(parser)
+    add_one_process(parser)
     add_seed(parser, 1)
     add_jobs(parser)
     parser.add_argument(

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from pam_model.command_line import Arguments, Command, Outcome, add_rig
+from pam_check.commands.common_arguments import add_one_process
+from pam_model.command_line import Arguments, Command, Outcome, Parser, add_rig
 
 
 def _state_walk(given: Arguments) -> Outcome:
@@ -11,11 +12,16 @@ def _state_walk(given: Arguments) -> Outcome:
     return run(given)
 
 
+def _declare(parser: Parser) -> None:
+    add_rig(parser)
+    add_one_process(parser)
+
+
 COMMANDS = (
     Command(
         "state-walk",
         "visit every state of driver, board and controller and look for a way round a stop",
-        add_rig,
+        _declare,
         _state_walk,
         bad_news="if air can move after a stop or fault without the acts that it needs",
     ),

@@ -21,7 +21,7 @@ from pam_check.control.closed_loop import TOLD, play, true_rig
 from pam_check.control.drawn_stiffness import drawn
 from pam_check.control.rough_control import RoughControl
 from pam_control.adapted_rig import adapted_rig, learnt_of, save_adapted_rig
-from pam_control.laws.position_stiffness import PositionStiffnessController
+from pam_control.controller import Controller
 from pam_model.command_line import Arguments, Outcome, chosen_rig, progress
 from pam_model.rig import load_rig
 
@@ -86,9 +86,7 @@ def run_draw(learning: RoughControl, written: RoughControl, seed: int, folder: P
     learnt = [learnt_of(channel) for channel in learning.controller.channels]
     path = folder / f"adapted_{seed}.yaml"
     save_adapted_rig(adapted_rig(learning.rig, learnt), path)
-    adapted = PositionStiffnessController(
-        load_rig(path), TOLD.replace(adaptation=False), learning.designs
-    )
+    adapted = Controller(load_rig(path), TOLD.replace(adaptation=False), learning.designs)
     truth = {
         "inertia": joint.inertia,
         "viscous_friction": joint.viscous_friction,

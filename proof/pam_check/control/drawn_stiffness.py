@@ -110,9 +110,9 @@ def run_draw(rough: RoughControl, seed: int, amplitude: float = 0.0) -> DrawnSti
         pressures = (float(trace.pressures[index, 0]), float(trace.pressures[index, 1]))
         position = float(trace.position[index])
         truth = true_stiffness(joint, muscles, pressures, position)
-        found = channel.stiffness.at(pressures, position)
+        found = channel.law_state.estimates.stiffness.at(pressures, position)
         model_error = max(
-            model_error, abs(channel.model.stiffness(*pressures, position) / truth - 1.0)
+            model_error, abs(channel.models.model.stiffness(*pressures, position) / truth - 1.0)
         )
         error = max(error, abs(found.value / truth - 1.0))
         covered += (found.low <= truth <= found.high) / len(PLACES)

@@ -21,7 +21,7 @@ import pandas as pd
 from pam_check.blind.truth_plant import TruthJoint
 from pam_check.control.closed_loop import PERIOD, TOLD, Muscles, Trace, play
 from pam_check.control.rough_control import NOTHING, RoughControl, chosen_effects
-from pam_control.laws.position_stiffness import PositionStiffnessController
+from pam_control.controller import Controller
 from pam_gap import Recording, diagnose, import_recording
 from pam_model.command_line import Arguments, Outcome, chosen_rig, progress
 from pam_model.rig import Rig, load_rig
@@ -85,7 +85,7 @@ def recordings(
     rough: RoughControl, joint: TruthJoint, muscles: Muscles, seed: int, folder: Path
 ) -> list[Recording]:
     """What a log shows of all motions, played with the rig file as written by a law that adapts."""
-    law = PositionStiffnessController(rough.rig, ADAPTING, rough.designs)
+    law = Controller(rough.rig, ADAPTING, rough.designs)
     logs = []
     for name, points in rough.motions.items():
         law.forget_adaptation()
@@ -100,7 +100,7 @@ def run_effect(rough: RoughControl, effect: str, seed: int, folder: Path) -> Imp
     ways = {"fixed": TOLD.replace(adaptation=False), "adapting": ADAPTING}
 
     def errors(rig: Rig, way: str, seed: int) -> dict[str, float]:
-        law = PositionStiffnessController(rig, ways[way], rough.designs)
+        law = Controller(rig, ways[way], rough.designs)
         found = {}
         for name, points in rough.motions.items():
             law.forget_adaptation()

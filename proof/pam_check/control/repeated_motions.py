@@ -25,7 +25,7 @@ from pam_check.control.closed_loop import (
     true_rig,
 )
 from pam_check.control.rough_control import NOTHING, RoughControl
-from pam_control.laws.position_stiffness import PositionStiffnessController
+from pam_control.controller import Controller
 from pam_control.references.trajectory import TrajectoryPoint
 from pam_model.command_line import Arguments, Outcome, chosen_rig, progress
 from pam_model.errors import PamError
@@ -106,7 +106,7 @@ def from_start(points: Sequence[TrajectoryPoint]) -> list[TrajectoryPoint]:
 
 
 def learnt(
-    controller: PositionStiffnessController,
+    controller: Controller,
     joint: TruthJoint,
     muscles: Muscles,
     points: Sequence[TrajectoryPoint],
@@ -120,7 +120,7 @@ def learnt(
     controller.forget_adaptation()
     for name in ("", MOTION):  # a motion that is named anew begins anew
         controller.change(controller.prepared.asked.replace(learning_motion=name))
-    learner = controller.channels[0].learner
+    learner = controller.channels[0].setup.learner
     assert learner is not None
     every = []
     for index in range(repetitions):

@@ -30,8 +30,8 @@ from pam_check.blind.truth_plant import TruthJoint
 from pam_check.control.closed_loop import TOLD, Muscles, Played, play, true_rig
 from pam_check.control.motions import MOTIONS
 from pam_check.control.tuned_pid import Bench, Motions, TunedPid, tune
+from pam_control.controller import Controller
 from pam_control.feedback.kept_designs import KeptDesigns, user_cache_folder
-from pam_control.laws.position_stiffness import PositionStiffnessController
 from pam_control.settings import ControlSettings
 from pam_model.argument_types import make_parents
 from pam_model.command_line import Arguments, Outcome, chosen_rig, progress
@@ -157,7 +157,7 @@ class RoughControl:
         self.rig, self._seed, self._pressure_loops = rig, seed, pressure_loops
         self.designs = KeptDesigns(user_cache_folder())
         self._true = true_rig(rig)
-        self.controller = PositionStiffnessController(rig, settings, self.designs)
+        self.controller = Controller(rig, settings, self.designs)
         self.motions: Motions = {
             name: make(np.random.default_rng([seed, index]))
             for index, (name, make) in enumerate(MOTIONS.items())

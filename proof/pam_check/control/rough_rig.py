@@ -31,7 +31,7 @@ from pam_check.control.improved_rigs import ADAPTING, NOT_WORSE, OTHER_NOISE, re
 from pam_check.control.repeated_motions import MOTION, from_start, learnt
 from pam_check.control.rough_control import WORST_RATIO, Baselines, RoughControl
 from pam_check.control.rough_rig_picture import Way, draw
-from pam_control.laws.position_stiffness import PositionStiffnessController
+from pam_control.controller import Controller
 from pam_gap import diagnose
 from pam_gap.answer.diagnosis import Diagnosis
 from pam_model.argument_types import make_parents
@@ -98,7 +98,7 @@ class RoughRig:
 
     def controller(self, name: str, rig: Rig, joint: TruthJoint, muscles: Muscles) -> Way:
         """The controller with a rig file, which plays the motion for the first time."""
-        law = PositionStiffnessController(rig, ADAPTING, self._rough.designs)
+        law = Controller(rig, ADAPTING, self._rough.designs)
         played, trace = play(law, joint, muscles, self._points, self._seed + OTHER_NOISE)
         return _way(name, played.stopped, trace, self._motion)
 
@@ -110,9 +110,7 @@ class RoughRig:
 
     def repeated(self, rig: Rig, joint: TruthJoint, muscles: Muscles, repetitions: int) -> Way:
         """The controller with a rig file at the last of so many repetitions."""
-        law = PositionStiffnessController(
-            rig, ADAPTING.replace(learning_motion=MOTION), self._rough.designs
-        )
+        law = Controller(rig, ADAPTING.replace(learning_motion=MOTION), self._rough.designs)
         points = from_start(self._points)
         seed = self._seed + OTHER_NOISE
         played, trace, _ = learnt(law, joint, muscles, points, repetitions, seed)

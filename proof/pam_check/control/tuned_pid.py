@@ -29,6 +29,9 @@ import numpy as np
 
 from pam_check.blind.truth_plant import TruthJoint
 from pam_check.control.closed_loop import LIMIT_CYCLE, SETTLED, TOLD, Muscles, Played, Trace, play
+from pam_control.control_step import JointTelemetry
+from pam_control.controller import Controller
+from pam_control.feedback.gain_schedule import GainSchedule
 from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.feedback.pid import PidGains
 from pam_control.laws.pressure_difference_pid import PressureDifferencePid
@@ -38,6 +41,7 @@ from pam_control.references.trajectory import TrajectoryPoint
 from pam_model.rig import Rig
 
 FITS: Final = 2
+LAW: Final = PressureDifferencePid()
 FIRST_FACTORS: Final = (1.0, 0.5, 0.25, 0.125)
 LARGEST_ERROR: Final = 0.5  # rad; of a run that stopped
 RESERVE: Final = 2.0  # times all gains, with which the joint must still come to rest
@@ -70,7 +74,13 @@ class TunedPid:
 
 
 class _NoGuard(LoopGuard):
-    def judge(self, time: float, tracking_time: float, can_soften: bool) -> Verdict:
+    def judge(
+        self,
+        time: float,
+        joints: Sequence[JointTelemetry],
+        tracking_time: float,
+        can_soften: bool,
+    ) -> Verdict:
         return Verdict.NOTHING
 
 
@@ -103,15 +113,16 @@ class Bench:
         self._true = joint, muscles
         self._motions, self._seed = motions, seed
         self._name = rig.joints[0].name
-        self._law = PressureDifferencePid(rig, TOLD, designs)
-        self._law.guard = _NoGuard(self._law.channels)
+        self._controller = Controller(rig, TOLD, designs, LAW)
+        self._controller.guard = _NoGuard(self._controller.robot.joints)
         self.tried = 0
 
     def first(self) -> TunedPid:
         """The gains and the feedforward that follow from the rig file."""
-        settings = self._law.settings
-        gains = settings.gains[self._name]
-        coefficients = dataclasses.astuple(self._law.feedforward(self._name))
+        settings = self._controller.settings
+        (gains,) = settings.gains[self._name].gains
+        models = self._controller.channels[0].models
+        coefficients = dataclasses.astuple(LAW.feedforward(models, settings))
         return TunedPid(
             (gains.proportional, gains.integral, gains.derivative),
             settings.pressure_gain or 1.0,
@@ -124,19 +135,21 @@ class Bench:
         self.tried += 1
         joint, muscles = self._true
         return {
-            name: play(self._law, joint, muscles, points, self._seed)
+            name: play(self._controller, joint, muscles, points, self._seed)
             for name, points in self._motions.items()
         }
 
     def _use(self, tuned: TunedPid) -> None:
         settings = TOLD.replace(
-            gains={self._name: PidGains(*tuned.gains, TOLD.derivative_filter)},
+            gains={
+                self._name: GainSchedule.constant(PidGains(*tuned.gains, TOLD.derivative_filter))
+            },
             pressure_gain=tuned.pressure_gain,
-            difference_feedforward={self._name: tuned.feedforward},
         )
         # not through `prepare`: that would refuse gains which are unsafe on the nominal rig
-        loops = Loops(settings, self._law.prepared.normal.margins)
-        self._law.use(PreparedSettings(settings, loops, None))
+        loops = Loops(settings, self._controller.prepared.normal.margins)
+        law = PressureDifferencePid(given={self._name: tuned.feedforward})
+        self._controller.use(PreparedSettings(settings, law, loops, None))
 
     @staticmethod
     def fitted(tuned: TunedPid, runs: Mapping[str, tuple[Played, Trace]]) -> TunedPid:
@@ -159,7 +172,7 @@ class Bench:
     def cost_of(self, tuned: TunedPid, played: Mapping[str, Played]) -> float:
         """The cost of gains whose runs are known."""
         self._use(self.scaled(tuned, RESERVE))
-        reached, _ = play(self._law, *self._true, REACH, self._seed)
+        reached, _ = play(self._controller, *self._true, REACH, self._seed)
         rest = LARGEST_ERROR if reached.stopped else reached.limit_cycle
         return _cost(played) + max(math.log(rest / LIMIT_CYCLE), 0.0)
 

@@ -21,6 +21,7 @@ from pam_driver.driver_settings import DriverSettings
 from pam_driver.safety.command_intake import NamedCommand
 from pam_driver.safety.refusals import COMMANDABLE
 from pam_driver.safety.states import SafetyState
+from pam_driver.snapshot import Snapshot
 from pam_model.command_line import Arguments, Outcome, chosen_rig, progress
 from pam_model.errors import PamError
 from pam_model.rig import Rig, load_rig
@@ -33,27 +34,35 @@ PATIENCE = 20.0  # s
 HOST_PERIOD, BOARD_PERIOD = 0.002, 0.001
 
 
-def drive_for_ever(rig: Rig, bus: BusChoice) -> None:
-    """Activate as soon as the boards answer, and command air flow until the process is killed."""
+def drive_for_ever(rig: Rig, bus: BusChoice, *, one_process: bool) -> None:
+    """Activate as soon as the boards answer, and command air flow until the process is killed.
+
+    With `one_process` the commands are made within the driver's cycle, else between two of them.
+    """
     port = open_bus(bus.interface, bus.channel, port=bus.port)
     driver = Driver(rig, port, DriverSettings())
     little = [0.1 if kind == FLOW else 1e4 for kind in rig.valve_kinds.values()]
     position, effort = ValveCommandFormat(rig.valve_kinds).pack(little)
     command = NamedCommand(rig.muscle_names, position, (), effort)
+
+    def command_air(_: Snapshot | None = None) -> None:
+        if driver.state in COMMANDABLE:  # not while it still measures whether all is empty
+            driver.set_commands(command, time.monotonic())
+
     while True:
         now = time.monotonic()
-        driver.cycle(now, time.time())
+        driver.cycle(now, time.time(), control=command_air if one_process else None)
         if driver.state is SafetyState.VENTED:
             with contextlib.suppress(ActivationError):  # not all boards have answered yet
                 driver.activate(now)
         elif driver.state is SafetyState.FAULT:
             driver.clear_faults(now)
-        elif driver.state in COMMANDABLE:  # not while it still measures whether all is empty
-            driver.set_commands(command, now)
+        elif not one_process:
+            command_air()
         time.sleep(max(0.0, now + HOST_PERIOD - time.monotonic()))
 
 
-def kill_once(rig: Rig, moving_for: float) -> tuple[float, float]:
+def kill_once(rig: Rig, moving_for: float, *, one_process: bool) -> tuple[float, float]:
     """One trial: time from SIGKILL to vented boards, and their longest cycle time [s].
 
     Parameters
@@ -62,6 +71,8 @@ def kill_once(rig: Rig, moving_for: float) -> tuple[float, float]:
         The rig.
     moving_for : float
         Time during which air flows before the kill [s].
+    one_process : bool
+        As for `drive_for_ever`.
 
     Raises
     ------
@@ -74,7 +85,7 @@ def kill_once(rig: Rig, moving_for: float) -> tuple[float, float]:
     child = os.fork()
     if child == 0:
         try:
-            drive_for_ever(rig, bus)
+            drive_for_ever(rig, bus, one_process=one_process)
         finally:
             os._exit(1)
     # a real board has its own processor, so other processes must not delay the simulated one
@@ -127,7 +138,8 @@ def run(given: Arguments) -> Outcome:
     done: list[tuple[float, float]] = []
     with progress(given.trials, "kill trials") as bar:
         for _ in range(given.trials):
-            done.append(kill_once(rig, draw.uniform(0.05, 0.25)))
+            moving_for = draw.uniform(0.05, 0.25)
+            done.append(kill_once(rig, moving_for, one_process=given.one_process))
             bar.show(len(done))
     times = [vented for vented, _ in done]
     late = sum(time > bound for time in times)

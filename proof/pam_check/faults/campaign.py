@@ -20,12 +20,13 @@ from pam_check.faults.chain import FaultChain
 from pam_check.faults.report import as_markdown, write_report
 from pam_check.faults.stuck_valve import HELD_ANGLE
 from pam_check.faults.trial import Trial, draw_values, run_trial
-from pam_control.controller_parameters import create_controller, parameter_table
+from pam_control.controller_parameters import COMMAND_DELAY, create_controller, parameter_table
 from pam_driver.boards.wiring import RigWiring, kind_name
 from pam_model.argument_types import make_parents
 from pam_model.command_line import Arguments, Outcome, chosen_rig, progress
 from pam_model.errors import PamError
 from pam_model.rig import Rig, load_rig
+from pam_robot.direct_link import COMMAND_DELAY as ONE_PROCESS_DELAY
 from pam_sim.faults.fault_kind import FaultKind
 from pam_sim.faults.kinds import ALL_KINDS, KINDS, kinds_called, kinds_for
 
@@ -33,8 +34,14 @@ TRIALS = 1000  # by default, and at least one of each kind
 LONGEST_PHASE = 0.4  # s, between two trials; the motion's period is 1.7 s
 
 
-def make_chain(rig: Rig, seed: int = 0) -> FaultChain:
+BETWEEN_PROCESSES = ("controller_", "commands_delayed", "commands_jitter", "measurements_")
+"""Beginnings of the names of faults that one process cannot have: nothing is on its way there."""
+
+
+def make_chain(rig: Rig, seed: int = 0, *, one_process: bool = False) -> FaultChain:
     """Start a chain of this rig and bring it into motion.
+
+    With `one_process`, the controller takes part in the driver's cycle.
 
     Raises
     ------
@@ -49,8 +56,10 @@ def make_chain(rig: Rig, seed: int = 0) -> FaultChain:
                 f"campaign need {-HELD_ANGLE:g} to {HELD_ANGLE:g} rad"
             )
     names = rig.joint_names
-    values = {entry.name: entry.default for entry in parameter_table(names)}
-    chain = FaultChain(rig, create_controller(rig, values, names), seed)
+    delay = ONE_PROCESS_DELAY if one_process else COMMAND_DELAY
+    values = {entry.name: entry.default for entry in parameter_table(names, delay)}
+    controller = create_controller(rig, values, names)
+    chain = FaultChain(rig, controller, seed, one_process=one_process)
     chain.start()
     return chain
 
@@ -115,7 +124,13 @@ def in_forks[Result](works: Iterable[Callable[[], Result]], at_once: int) -> Ite
 
 
 def run_campaign(
-    rig: Rig, kinds: Sequence[FaultKind], trials: int, seed: int, at_once: int = 1
+    rig: Rig,
+    kinds: Sequence[FaultKind],
+    trials: int,
+    seed: int,
+    at_once: int = 1,
+    *,
+    one_process: bool = False,
 ) -> Iterator[Trial]:
     """Run trials of all kinds in turn.
 
@@ -131,8 +146,10 @@ def run_campaign(
         Seed of all random draws.
     at_once : int, optional
         Number of trials that run at the same time.
+    one_process : bool, optional
+        As for `make_chain`.
     """
-    chain = make_chain(rig, seed)
+    chain = make_chain(rig, seed, one_process=one_process)
     draw = random.Random(seed)
 
     def works() -> Iterator[Callable[[], Trial]]:
@@ -156,10 +173,15 @@ def run(given: Arguments) -> Outcome:
     rig = load_rig(chosen_rig(given))
     boards = {kind_name(wired) for wired in RigWiring(rig).boards.values()}
     kinds = kinds_called(given.kind, ALL_KINDS if given.kind else kinds_for(boards))
+    if given.one_process:
+        kinds = [kind for kind in kinds if not kind.name.startswith(BETWEEN_PROCESSES)]
     trials = given.trials or max(TRIALS * len(kinds) // len(KINDS), len(kinds))
     done: list[Trial] = []
     with progress(trials, "fault campaign") as bar:
-        for trial in run_campaign(rig, kinds, trials, given.seed, given.jobs):
+        campaign = run_campaign(
+            rig, kinds, trials, given.seed, given.jobs, one_process=given.one_process
+        )
+        for trial in campaign:
             done.append(trial)
             bar.show(len(done), trial.kind)
             if trial.problem:
@@ -182,4 +204,5 @@ def _command_line(given: Arguments) -> str:
     words += [] if given.rig is None else [f"--rig {given.rig}"]
     words += [] if given.trials is None else [f"--trials {given.trials}"]
     words += [f"--kind {name}" for name in given.kind or ()]
+    words += ["--one-process"] if given.one_process else []
     return " ".join([*words, f"--seed {given.seed}", f"--page {given.page}"])

@@ -93,6 +93,9 @@ class FaultChain:
         Last estimate of the model, and the age of its newest measurement at that time [s].
     claims : list of callable
         What a fault must not do beside its bounds: each returns what is wrong now, or nothing.
+    one_process : bool
+        Whether the controller takes part in the driver's cycle, so that nothing is on its way
+        between them.
     start_up : StartUp
         The rules of the driver's process, which decide whether it may activate.
     unstamped : bool
@@ -112,8 +115,11 @@ class FaultChain:
         seed: int = 0,
         effects: dict[str, float] | None = None,
         settings: DriverSettings | None = None,
+        *,
+        one_process: bool = False,
     ) -> None:
         self.rig = rig
+        self.one_process = one_process
         self.now = 0.0
         self.wall = 1000.0
         self.sim = SimulatedRig(rig, seed=seed, effects=effects)
@@ -220,9 +226,11 @@ class FaultChain:
         self._bus()
         self._deliver()
         if self.driver_runs and self._tick % 2 == 0:
-            self.published = self.driver.cycle(self.now, self.wall)
-            self._measured.append((self.published, self.now + self.measurement_time()))
-        if self.controller_runs and self._tick % 2 == 1:
+            control = self._control_within if self.one_process else None
+            self.published = self.driver.cycle(self.now, self.wall, control=control)
+            if not self.one_process:
+                self._measured.append((self.published, self.now + self.measurement_time()))
+        if not self.one_process and self.controller_runs and self._tick % 2 == 1:
             self._control()
         if self._tick % MODEL_STEPS == 0:
             self._estimate()
@@ -294,6 +302,12 @@ class FaultChain:
         stamp = self.estimate.stamp
         self.estimate_age = math.inf if stamp is None else abs(self.wall - stamp)
 
+    def _control_within(self, measured: Snapshot) -> None:
+        """The controller's part in the driver's cycle."""
+        self.hear(measured)
+        if self.controller_runs:
+            self._control()
+
     def _control(self) -> None:
         for action in self.before_control:
             action(self.now)
@@ -320,15 +334,26 @@ class FaultChain:
             self.controller.deactivate()
             commands, self.reason = None, str(error)
         if self.controller.guard.stopped != stopped:  # as the node does
-            self.at(self.now + self.command_time(), lambda: self.driver.vent(self.now))
+            later = 0.0 if self.one_process else self.command_time()
+            self.at(self.now + later, lambda: self.driver.vent(self.now))
         if commands is None:
             return
         self.reference = references.sample(self.rig.joint_names[0], self.now).position
         position, effort = self.command_format.pack(commands)
         command = NamedCommand(self.rig.muscle_names, position, (), effort, 0.0)
         for one in [command] if self.edit is None else self.edit(command):
+            if self.one_process:
+                self._take(one, one.age)
+                continue
             arrives = self.now + self.command_time()
             self.on_way.append((one, self.wall - one.age, arrives))
+
+    def _take(self, command: NamedCommand, age: float) -> None:
+        """Give a command to the driver, which may refuse it."""
+        try:
+            self.driver.set_commands(command._replace(age=age), self.now)
+        except CommandError as error:
+            self.noticed[error.kind] += 1
 
     def _deliver(self) -> None:
         """Deliver the messages that arrive in this step: valve commands, and measurements.
@@ -341,11 +366,7 @@ class FaultChain:
         if self.driver_runs:
             self.on_way = [entry for entry in self.on_way if entry[2] > self.now]
             for command, stamp, _ in arrived:
-                age = 0.0 if self.unstamped else self.wall - stamp
-                try:
-                    self.driver.set_commands(command._replace(age=age), self.now)
-                except CommandError as error:
-                    self.noticed[error.kind] += 1
+                self._take(command, 0.0 if self.unstamped else self.wall - stamp)
         else:
             self.on_way = arrived[-1:] + [entry for entry in self.on_way if entry[2] > self.now]
         came = [snapshot for snapshot, arrives in self._measured if arrives <= self.now]

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from pam_control.joint_channel import JointChannel
+from pam_control.joint_models import JointModels
 from pam_control.settings import ControlSettings
 from pam_model.joints.antagonistic_joint import AntagonisticJoint
 from pam_model.plant.parameters import PlantParameters
@@ -40,7 +40,7 @@ def stuck_valve_speed(rig: Rig, held_at: float = HELD_ANGLE) -> float:
     robot, ideal = compose(rig), compose(rig.without_effects())
     joint = ideal.joints[0]
     stiffness = (
-        JointChannel(robot, robot.joints[0], ControlSettings().min_pressure)
+        JointModels.of(robot, robot.joints[0], ControlSettings().min_pressure)
         .scale.complete(ControlSettings())
         .default_stiffness
     )

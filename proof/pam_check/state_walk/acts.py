@@ -47,6 +47,8 @@ def _start(system: System, watcher: Watcher, *, autostart: bool, activates: bool
     if system.driver is not None:
         return False
     system.driver = DriverProcess(system.rig, system.wiring, system.wire)
+    if system.one_process:
+        system.controller = ControllerProcess(system.rig)
     system.publish()
     if autostart:
         system.driver.autostart(activates, system.now)
@@ -60,9 +62,16 @@ def kill_driver(system: System, watcher: Watcher) -> bool:
     if system.driver is None:
         return False
     watcher.driver_ends(system)
-    system.driver = None
+    _gone(system)
     system.published = ""
     return True
+
+
+def _gone(system: System) -> None:
+    """The driver's process has ended, with all that it runs."""
+    system.driver = None
+    if system.one_process:
+        system.controller = None
 
 
 def end_driver(system: System, watcher: Watcher) -> bool:
@@ -72,7 +81,7 @@ def end_driver(system: System, watcher: Watcher) -> bool:
     system.driver.close(system.now)
     system.publish()
     watcher.driver_ends(system)
-    system.driver = None
+    _gone(system)
     return True
 
 
@@ -234,6 +243,11 @@ ACTS: Final[Mapping[str, Act]] = {
     "the valve command that was held up arrives": deliver_held_message,
 }
 """Every act by its name in words."""
+
+OF_TWO_PROCESSES: Final = frozenset(
+    {start_controller, kill_controller, hold_message_up, deliver_held_message}
+)
+"""Acts that one process with driver and controller does not have."""
 
 AT_ONCE: Final = frozenset({hold_message_up, deliver_held_message})
 """Acts after which no time passes; everything runs once after each of the others."""

@@ -23,7 +23,7 @@ Abstracted are:
 from __future__ import annotations
 
 import math
-from collections.abc import Hashable
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -36,6 +36,7 @@ from pam_driver.driver import ActivationError, Driver
 from pam_driver.driver_settings import DriverSettings
 from pam_driver.safety.command_intake import CommandError, NamedCommand
 from pam_driver.safety.states import OUTPUTS, SafetyState
+from pam_driver.snapshot import Snapshot
 from pam_driver.start_up import Advice, StartUp
 from pam_model.errors import PamError
 from pam_model.rig import Rig
@@ -56,13 +57,12 @@ SUPPLY: Final = 701_325.0
 
 DRIVER_SETTINGS: Final = DriverSettings(
     command_timeout=2.5 * TICK,
+    board_timeout=2.5 * TICK,  # of boards that send in every step
     sensor_timeout=1.5 * TICK,
     exhaust_timeout=2.5 * TICK,
     lowering_timeout=1.5 * TICK,
     loop_delay_limit=10.0 * TICK,
 )
-# below what a robot may have, since its boards send in every step here: fewer ages, fewer states
-object.__setattr__(DRIVER_SETTINGS, "board_timeout", 2.5 * TICK)
 BOARD_SETTINGS: Final = BoardSettings(
     measurement_rate=1.0 / TICK,
     status_rate=1.0 / TICK,
@@ -150,7 +150,7 @@ class DriverProcess:
             driver.close(now)
         self.active = False
 
-    def cycle(self, now: float) -> bool:
+    def cycle(self, now: float, control: Callable[[Snapshot], object] | None = None) -> bool:
         """The node's watch, then a cycle of the I/O thread; whether it has activated itself."""
         if self.driver is None:
             return False
@@ -160,7 +160,7 @@ class DriverProcess:
             self.start_up.end()
         step = self.start_up.step(self.driver, now)
         activated = step.advice is Advice.ACTIVATE and self.activate(now)
-        self.driver.cycle(now, now)
+        self.driver.cycle(now, now, control=control)
         return activated
 
 
@@ -227,6 +227,8 @@ class System:
         that is older than `command_timeout` is refused, so it is forgotten.
     powered_at : float
         When the board was switched on [s].
+    one_process : bool
+        Driver and controller are one process: they start and end together, and share a cycle.
     disturbance : float
         What the first pressure sensor shows in the next step instead of the pressure [Pa]; NaN:
         nothing; 0: there is none.
@@ -235,6 +237,7 @@ class System:
     rig: Rig
     wiring: RigWiring
     wire: Wire
+    one_process: bool = False
     now: float = ORIGIN
     driver: DriverProcess | None = None
     controller: ControllerProcess | None = None
@@ -292,6 +295,14 @@ class System:
         """The driver publishes its state when it has changed; a dead one says nothing."""
         if self.driver is not None:
             self.published = self.driver.state.value
+            if self.one_process and self.controller is not None:
+                self.controller.hear(self.published)
+
+    def control(self, _: Snapshot) -> None:
+        """The controller's part in the driver's cycle."""
+        command = None if self.controller is None else self.controller.step(self.now)
+        if command is not None:
+            self.deliver(command)
 
     def tick(self) -> None:
         """Let time pass: boards, driver and controller run once."""
@@ -307,26 +318,29 @@ class System:
         for frame_id, data in self.board.poll(self.now, pressures, (0.0,), SUPPLY):
             self.wire.to_driver.append(ReceivedFrame(frame_id, data, self.now))
         if self.driver is not None:
-            self.activated_itself = self.driver.cycle(self.now)
+            control = self.control if self.one_process else None
+            self.activated_itself = self.driver.cycle(self.now, control)
             self.publish()
         else:
             self.published = ""
         self.wire.to_driver.clear()
         if self.held is not None and self.now - self.held.age > DRIVER_SETTINGS.command_timeout:
             self.held = None
-        if self.controller is not None:
+        if self.controller is not None and not self.one_process:
             if heard:
                 self.controller.hear(heard)
             self.command = self.controller.step(self.now)
 
 
-def make_system(rig: Rig) -> System:
+def make_system(rig: Rig, *, one_process: bool = False) -> System:
     """The parts before anything has been started; the board has power.
 
     Parameters
     ----------
     rig : Rig
         A rig with one board and flow valves.
+    one_process : bool, optional
+        As in `System`.
 
     Raises
     ------
@@ -347,7 +361,7 @@ def make_system(rig: Rig) -> System:
         [int(wire.channel) for wire in wired.valves],
         ORIGIN,
     )
-    return System(rig, wiring, Wire(board))
+    return System(rig, wiring, Wire(board), one_process)
 
 
 def too_high(rig: Rig) -> float:

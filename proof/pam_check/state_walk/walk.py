@@ -8,9 +8,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from pam_check.state_walk.acts import ACTS, Act, carry_out
+from pam_check.state_walk.acts import ACTS, OF_TWO_PROCESSES, Act, carry_out
 from pam_check.state_walk.fingerprint import Snapshots, fingerprint
-from pam_check.state_walk.system import make_system
+from pam_check.state_walk.system import System, make_system
 from pam_check.state_walk.watcher import Watcher
 from pam_model.command_line import Arguments, Outcome, chosen_rig
 from pam_model.errors import PamError
@@ -62,7 +62,13 @@ class Walk:
     violations: tuple[Violation, ...]
 
 
-def walk(rig: Rig, acts: Mapping[str, Act] = ACTS, *, ends_early: bool = False) -> Walk:
+def walk(
+    rig: Rig,
+    acts: Mapping[str, Act] = ACTS,
+    *,
+    ends_early: bool = False,
+    one_process: bool = False,
+) -> Walk:
     """Visit every state; beyond a violation the walk does not go on.
 
     Parameters
@@ -73,6 +79,8 @@ def walk(rig: Rig, acts: Mapping[str, Act] = ACTS, *, ends_early: bool = False) 
         What may happen.
     ends_early : bool, optional
         End with the first violation.
+    one_process : bool, optional
+        Driver and controller are one process.
 
     Raises
     ------
@@ -83,14 +91,18 @@ def walk(rig: Rig, acts: Mapping[str, Act] = ACTS, *, ends_early: bool = False) 
     gc.collect()
     gc.freeze()
     try:
-        return _walk(rig, acts, ends_early=ends_early)
+        system = make_system(rig, one_process=one_process)
+        possible = {
+            name: act for name, act in acts.items() if not (one_process and act in OF_TWO_PROCESSES)
+        }
+        return _walk(system, possible, ends_early=ends_early)
     finally:
         gc.unfreeze()
 
 
-def _walk(rig: Rig, acts: Mapping[str, Act], *, ends_early: bool) -> Walk:
+def _walk(system: System, acts: Mapping[str, Act], *, ends_early: bool) -> Walk:
     snapshots = Snapshots()
-    system, watcher = make_system(rig), Watcher()
+    watcher = Watcher()
     origins: dict[bytes, tuple[bytes, str] | None] = {}
     start = fingerprint((system, watcher), system.now)
     origins[start] = None
@@ -142,7 +154,7 @@ def run(given: Arguments) -> Outcome:
     PamError
         For a rig that cannot be used.
     """
-    result = walk(load_rig(chosen_rig(given)))
+    result = walk(load_rig(chosen_rig(given)), one_process=given.one_process)
     print(
         f"{result.states} states and {result.transitions} transitions; air moves in "
         f"{result.moving} states; the driver was {', '.join(result.driver_states)}"

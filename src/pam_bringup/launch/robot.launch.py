@@ -1,4 +1,4 @@
-"""Driver, model and controller for a robot on a CAN bus.
+"""Driver, model and controller for a robot on a CAN bus, in one process and one cycle.
 
 `ros2 launch pam_bringup robot.launch.py rig_file:=/path/to/rig.yaml bus_channel:=can0`
 
@@ -6,17 +6,20 @@ The driver begins to measure by itself, with all valves vented. Air moves only a
 `ros2 lifecycle set /pam_driver activate`. The argument `activate_on_start:=true` makes this call
 unnecessary, for robots that may begin to move without a person.
 
+With `one_process:=false` the three nodes are processes of their own, which exchange topics.
+
 Where robot_state_publisher is installed, it publishes the frames of the joints, with a URDF made of
 the rig file (`pam model urdf`) or the one of the argument `urdf`.
 
-The argument `on_driver_exit` decides what happens when the driver ends. By default all nodes end,
-since model and controller are of no use without the driver. With `on_driver_exit:=restart` the
-driver is started again, but it does not configure or activate itself: only a person may let air
-move again (`ros2 lifecycle set /pam_driver configure`, then `activate`).
+The argument `on_driver_exit` decides what happens when the process of the driver ends. By default
+all nodes end, since model and controller are of no use without the driver. With
+`on_driver_exit:=restart` it is started again, but it does not configure or activate itself: only a
+person may let air move again (`ros2 lifecycle set /pam_driver configure`, then `activate`).
 """
 
 import difflib
 import sys
+from collections.abc import Callable
 
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 from launch.actions import (
@@ -28,7 +31,7 @@ from launch.actions import (
     RegisterEventHandler,
     TimerAction,
 )
-from launch.conditions import IfCondition
+from launch.conditions import IfCondition, UnlessCondition
 from launch.event_handlers import OnProcessExit
 from launch.events import Shutdown
 from launch.events.process import ProcessExited
@@ -66,19 +69,20 @@ def check_words(context: LaunchContext) -> list[Action]:
     return actions
 
 
+TEXTS = {"bus.interface": "bus_interface", "bus.channel": "bus_channel"}
+NUMBERS = {
+    "bus.port": ("bus_port", int),
+    "startup_timeout": ("startup_timeout", float),
+    "realtime_priority": ("realtime_priority", int),
+    "start_up_check": ("start_up_check", bool),
+}
+"""Parameters of the driver by the launch arguments that set them."""
+
+
 def start_driver(autostart: ParameterValue | bool, activate: ParameterValue | bool) -> list[Action]:
     """The driver's node, and the action when it ends."""
-    starting = {"autostart": autostart, "activate_on_start": activate}
-    bus = {
-        "bus.interface": ParameterValue(LaunchConfiguration("bus_interface"), value_type=str),
-        "bus.channel": ParameterValue(LaunchConfiguration("bus_channel"), value_type=str),
-        "bus.port": ParameterValue(LaunchConfiguration("bus_port"), value_type=int),
-        "startup_timeout": ParameterValue(LaunchConfiguration("startup_timeout"), value_type=float),
-        "realtime_priority": ParameterValue(
-            LaunchConfiguration("realtime_priority"), value_type=int
-        ),
-        "start_up_check": ParameterValue(LaunchConfiguration("start_up_check"), value_type=bool),
-    }
+    given = {name: argument(each, str) for name, each in TEXTS.items()}
+    given |= {name: argument(each, kind) for name, (each, kind) in NUMBERS.items()}
     driver = Node(
         package="pam_driver",
         executable="pam_driver_node",
@@ -86,26 +90,58 @@ def start_driver(autostart: ParameterValue | bool, activate: ParameterValue | bo
         parameters=[
             LaunchConfiguration("rig_file"),
             LaunchConfiguration("params_file"),
-            bus,
-            starting,
+            given,
+            {"autostart": autostart, "activate_on_start": activate},
         ],
+        condition=UnlessCondition(LaunchConfiguration("one_process")),
         output="screen",
     )
-    follow = OnProcessExit(target_action=driver, on_exit=after_driver)
-    return [RegisterEventHandler(follow), driver]
+    return [RegisterEventHandler(follow(driver, start_driver)), driver]
 
 
-def after_driver(event: ProcessExited, context: LaunchContext) -> list[Action]:
-    """End the launch or start the driver again, depending on `on_driver_exit`."""
-    if context.is_shutdown:
-        return []
-    reason = f"the driver has ended with code {event.returncode}"
-    choice = LaunchConfiguration("on_driver_exit").perform(context)
-    if choice == "restart" and event.returncode != USERS_MISTAKE:
-        text = f"{reason}; it is started again, and must be configured and activated by hand"
-        again = TimerAction(period=RESTART_DELAY, actions=start_driver(False, False))
-        return [LogInfo(msg=text), again]
-    return [EmitEvent(event=Shutdown(reason=reason))]
+def start_robot(
+    autostart: str | LaunchConfiguration, activate: str | LaunchConfiguration
+) -> list[Action]:
+    """All nodes of the robot in one process, and the action when it ends."""
+    # a parameter without the name of its node would be given to all of them
+    given = {name: ["'", LaunchConfiguration(each), "'"] for name, each in TEXTS.items()}
+    given |= {name: [LaunchConfiguration(each)] for name, (each, _) in NUMBERS.items()}
+    given |= {"autostart": [autostart], "activate_on_start": [activate]}
+    words = [[f"pam_driver:{name}:=", *value] for name, value in given.items()]
+    words += [["pam_controller:loop.realtime_priority:=", LaunchConfiguration("realtime_priority")]]
+    robot = Node(
+        package="pam_robot",
+        executable="pam_robot_node",
+        namespace=LaunchConfiguration("namespace"),
+        parameters=[LaunchConfiguration("rig_file"), LaunchConfiguration("params_file")],
+        ros_arguments=[part for word in words for part in ("-p", word)],
+        condition=IfCondition(LaunchConfiguration("one_process")),
+        output="screen",
+    )
+    return [RegisterEventHandler(follow(robot, start_robot)), robot]
+
+
+def argument(name: str, kind: type) -> ParameterValue:
+    """The value of a launch argument as a parameter of this type."""
+    return ParameterValue(LaunchConfiguration(name), value_type=kind)
+
+
+def follow(process: Node, start: Callable[..., list[Action]]) -> OnProcessExit:
+    """When the process of the driver ends: end the launch or start it again (`on_driver_exit`)."""
+
+    def after(event: ProcessExited, context: LaunchContext) -> list[Action]:
+        if context.is_shutdown:
+            return []
+        reason = f"the driver has ended with code {event.returncode}"
+        choice = LaunchConfiguration("on_driver_exit").perform(context)
+        if choice == "restart" and event.returncode != USERS_MISTAKE:
+            text = f"{reason}; it is started again, and must be configured and activated by hand"
+            no = "false" if start is start_robot else False
+            again = TimerAction(period=RESTART_DELAY, actions=start(no, no))
+            return [LogInfo(msg=text), again]
+        return [EmitEvent(event=Shutdown(reason=reason))]
+
+    return OnProcessExit(target_action=process, on_exit=after)
 
 
 def publish_frames(context: LaunchContext) -> list[Action]:
@@ -140,11 +176,12 @@ def show_in_browser(rig_file: LaunchConfiguration, namespace: LaunchConfiguratio
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Three nodes that read the same rig file."""
+    """The nodes of one robot, which read the same rig file."""
     rig_file = LaunchConfiguration("rig_file")
     params_file = LaunchConfiguration("params_file")
     respawn = LaunchConfiguration("respawn")
     namespace = LaunchConfiguration("namespace")
+    apart = UnlessCondition(LaunchConfiguration("one_process"))
     # keeps cycles punctual on a busy host, if the user has the permission (docs/on_a_robot.md)
     priority = ParameterValue(LaunchConfiguration("realtime_priority"), value_type=int)
     elbow = PathJoinSubstitution([FindPackageShare("pam_bringup"), "config", "elbow.yaml"])
@@ -157,6 +194,13 @@ def generate_launch_description() -> LaunchDescription:
                 "namespace",
                 default_value="",
                 description="namespace of all nodes and topics; one for each robot on a network",
+            ),
+            DeclareLaunchArgument(
+                "one_process",
+                default_value="true",
+                choices=["true", "false"],
+                description="driver, controller and model share one process and one cycle; false: "
+                "three processes, which exchange topics",
             ),
             DeclareLaunchArgument(
                 "bus_interface",
@@ -211,8 +255,8 @@ def generate_launch_description() -> LaunchDescription:
                 "respawn",
                 default_value="false",
                 choices=["true", "false"],
-                description="start model and controller again when they end; the driver: see "
-                "on_driver_exit",
+                description="start model and controller again when they end, with "
+                "one_process:=false; the driver: see on_driver_exit",
             ),
             DeclareLaunchArgument(
                 "urdf",
@@ -226,15 +270,16 @@ def generate_launch_description() -> LaunchDescription:
                 description="show the robot in a browser (docs/watching.md; needs rerun-sdk)",
             ),
             OpaqueFunction(function=check_words),
-            *start_driver(
-                ParameterValue(LaunchConfiguration("autostart"), value_type=bool),
-                ParameterValue(LaunchConfiguration("activate_on_start"), value_type=bool),
+            *start_robot(
+                LaunchConfiguration("autostart"), LaunchConfiguration("activate_on_start")
             ),
+            *start_driver(argument("autostart", bool), argument("activate_on_start", bool)),
             Node(
                 package="pam_model",
                 executable="pam_model_node",
                 namespace=namespace,
                 parameters=[rig_file, params_file],
+                condition=apart,
                 respawn=respawn,
                 respawn_delay=RESTART_DELAY,
                 output="screen",
@@ -244,6 +289,7 @@ def generate_launch_description() -> LaunchDescription:
                 executable="pam_controller_node",
                 namespace=namespace,
                 parameters=[rig_file, params_file, {"loop.realtime_priority": priority}],
+                condition=apart,
                 respawn=respawn,
                 respawn_delay=RESTART_DELAY,
                 output="screen",

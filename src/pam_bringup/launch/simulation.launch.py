@@ -21,6 +21,7 @@ def generate_launch_description() -> LaunchDescription:
     names = (
         "rig_file",
         "namespace",
+        "one_process",
         "bus_interface",
         "bus_channel",
         "bus_port",
@@ -50,6 +51,12 @@ def generate_launch_description() -> LaunchDescription:
                 "namespace",
                 default_value="",
                 description="namespace of all nodes and topics; one for each robot on a network",
+            ),
+            DeclareLaunchArgument(
+                "one_process",
+                default_value="true",
+                choices=["true", "false"],
+                description="driver, controller and model share one process and one cycle",
             ),
             DeclareLaunchArgument(
                 "bus_interface",

@@ -69,7 +69,7 @@ def _view(given: Arguments) -> Outcome:
         address = sink.serve(
             given.web_port, given.data_port, blueprint, open_browser=not given.no_browser
         )
-        print(f"{address}\nCtrl-C ends the viewer", flush=True)
+        print(f"open in a browser: {address}\nCtrl-C ends the viewer", flush=True)
     view = RobotView(rig, sink)
     if given.bag is not None:
         from pam_bringup.viewer.show_bag import show_bag  # noqa: PLC0415

@@ -2,8 +2,10 @@
 
 The public names, without ROS:
 
-- `PositionStiffnessController`, `PressureRatioPid`: the control laws, stepped periodically.
-- `ControlSettings`: their settings.
+- `Controller`: controls all joints of a rig, stepped periodically.
+- `ControlSettings`: its settings.
+- `Law`: what a control law is; `PressureRatioPid` is one. `Controller` takes one, by default the
+  model-based law.
 - `Measurement`, `ControlOutput`: input and output of a control step.
 - `TrajectoryPoint`: a point of a trajectory that `references.follow` of a control law takes.
 
@@ -16,7 +18,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from pam_control.control_step import ControlOutput, Measurement
-    from pam_control.laws.position_stiffness import PositionStiffnessController
+    from pam_control.controller import Controller
+    from pam_control.laws.law import Law
     from pam_control.laws.pressure_ratio_pid import PressureRatioPid
     from pam_control.references.trajectory import TrajectoryPoint
     from pam_control.settings import ControlSettings
@@ -24,8 +27,9 @@ if TYPE_CHECKING:
 __all__ = [
     "ControlOutput",
     "ControlSettings",
+    "Controller",
+    "Law",
     "Measurement",
-    "PositionStiffnessController",
     "PressureRatioPid",
     "TrajectoryPoint",
 ]
@@ -42,10 +46,14 @@ def __getattr__(name: str) -> Any:
             from pam_control import control_step
 
             return getattr(control_step, name)
-        case "PositionStiffnessController":
-            from pam_control.laws import position_stiffness
+        case "Controller":
+            from pam_control import controller
 
-            return getattr(position_stiffness, name)
+            return getattr(controller, name)
+        case "Law":
+            from pam_control.laws import law
+
+            return getattr(law, name)
         case "PressureRatioPid":
             from pam_control.laws import pressure_ratio_pid
 

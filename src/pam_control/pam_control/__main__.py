@@ -10,7 +10,16 @@ if __name__ == "__main__":  # before the imports below, which take time
 import sys
 from collections.abc import Sequence
 
-from pam_model.command_line import NodeCommand, Tool, start_node
+from pam_model.argument_types import input_folder
+from pam_model.command_line import (
+    Arguments,
+    Command,
+    NodeCommand,
+    Outcome,
+    Parser,
+    Tool,
+    start_node,
+)
 
 
 def _node(arguments: Sequence[str] | None) -> int:
@@ -19,8 +28,39 @@ def _node(arguments: Sequence[str] | None) -> int:
     return run(arguments)
 
 
-COMMANDS = (NodeCommand("node", "control position and stiffness of joints (a ROS node)", _node),)
-TOOL = Tool("control", "Position and stiffness control of joints, as a node", COMMANDS)
+def _declare_parameters(parser: Parser) -> None:
+    parser.add_argument("--table", action="store_true", help="as a table in Markdown")
+    parser.add_argument(
+        "--write",
+        metavar="CLONE",
+        type=input_folder,
+        help="update config/controller.yaml and docs/controller.md of a clone of this project",
+    )
+
+
+def _parameters(chosen: Arguments) -> Outcome:
+    from pam_control.parameter_page import table, write_pages, yaml_text  # noqa: PLC0415
+
+    if chosen.write is not None:
+        changed = write_pages(chosen.write)
+        print("written: " + ", ".join(map(str, changed)) if changed else "all is up to date")
+        return Outcome({"changed": changed})
+    text = table() if chosen.table else yaml_text()
+    print(text, end="")
+    return Outcome({"text": text})
+
+
+COMMANDS = (
+    NodeCommand("node", "control position and stiffness of joints (a ROS node)", _node),
+    Command(
+        "parameters",
+        "print a parameter file with all defaults and what they mean",
+        _declare_parameters,
+        _parameters,
+        examples=("pam control parameters > controller.yaml",),
+    ),
+)
+TOOL = Tool("control", "Position and stiffness control of joints", COMMANDS)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

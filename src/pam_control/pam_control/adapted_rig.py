@@ -83,13 +83,23 @@ class LearntOfJoint:
 
 
 def learnt_of(channel: JointChannel) -> LearntOfJoint:
-    """What was learnt of a joint until now; takes less than a millisecond."""
+    """What was learnt of a joint until now; takes less than a millisecond.
+
+    Raises
+    ------
+    PamError
+        If its control law learns nothing.
+    """
+    law = channel.setup.law
+    numbers = law.numbers(channel.law_state)
+    if numbers is None:
+        raise PamError(f"nothing is learnt by the law {law.name}")
     openings, left = {}, _of_sensors(channel)
-    for muscle, loop in zip(channel.muscles, channel.loops, strict=True):
+    for muscle, loop in zip(channel.models.muscles, channel.loops, strict=True):
         if isinstance(loop, FlowValveLoop):
             openings[muscle.name] = loop.adaptation.opened
             left += _of_flow(muscle.name, loop.adaptation)
-    return LearntOfJoint(channel.joint.name, channel.stiffness.numbers(), openings, tuple(left))
+    return LearntOfJoint(channel.models.name, numbers, openings, tuple(left))
 
 
 def adapted_rig(rig: Rig, learnt: Sequence[LearntOfJoint]) -> AdaptedRig:
@@ -237,5 +247,5 @@ def _of_sensors(channel: JointChannel) -> list[str]:
         )
         if late > LONG_DELAY
     ]
-    name = channel.joint.name
+    name = channel.models.name
     return [f"{name}: not written, cause unclear: {', '.join(causes)}"] if causes else []

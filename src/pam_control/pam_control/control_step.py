@@ -1,13 +1,18 @@
-"""Data of one control step: measurement, pressure plan of the control law, commands."""
+"""Data of one control step: measurement, what a control law gets and returns, commands."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import NamedTuple
 
-from pam_control.joint_channel import JointChannel, Pair
+from pam_control.feedback.pid import PidGains
+from pam_control.joint_models import JointModels, Pair
+from pam_control.learning.motion_learner import MotionLearner
+from pam_control.references.motion_limiter import MotionLimits
 from pam_control.references.spline import JointReference
+from pam_control.settings import ControlSettings
 from pam_model.rig import Rig
 
 
@@ -31,21 +36,40 @@ class Measurement:
     pressure_time: float
 
 
-@dataclass(frozen=True, slots=True)
-class ControlOutput:
-    """Result of one step.
+class Motion(NamedTuple):
+    """Measured motion of one joint.
 
     Attributes
     ----------
-    commands : tuple of float or None
-        One command per muscle of the rig: spool opening [-] or pressure [Pa], depending on the
-        kind of valve; NaN for a muscle that belongs to no joint. None: send nothing.
-    reason : str
-        Why there are no commands; empty if there are.
+    position : float
+        [rad]; NaN before the first measurement.
+    velocity : float
+        Filtered [rad/s].
+    time : float
+        Of the measurement [s].
     """
 
-    commands: tuple[float, ...] | None
-    reason: str = ""
+    position: float = math.nan
+    velocity: float = 0.0
+    time: float = math.nan
+
+    def measured(self, position: float, time: float, velocity_filter: float) -> Motion:
+        """The motion with a new position [rad]; the same if it is not newer."""
+        if math.isnan(self.time):
+            return Motion(position, self.velocity, time)
+        step = time - self.time
+        if step <= 0.0:
+            return self
+        weight = step / (velocity_filter + step)
+        velocity = self.velocity + weight * ((position - self.position) / step - self.velocity)
+        return Motion(position, velocity, time)
+
+
+class Moment(NamedTuple):
+    """A time [s], and the reference at that time."""
+
+    time: float
+    reference: JointReference
 
 
 @dataclass(slots=True)
@@ -54,50 +78,108 @@ class PlanRequest:
 
     Attributes
     ----------
-    index : int
-        Index of the joint.
-    channel : JointChannel
-        Models and state of the joint.
-    output : float
-        Output of the PID.
-    now, then : JointReference
-        Reference at `now_at`, and at the time when the valve will act.
-    measured_at, acts_at : float
-        These times [s]; for valves with different delays, `acts_at` is that of the later valve.
-    now_at : float
-        Time at which the measured pressures were true [s]; `measured_at`, unless they were found to
-        be late.
-    side_acts_at : (float, float)
-        Times when the agonist's and the antagonist's valve will act [s].
-    side_velocities : (float, float)
-        Reference velocity at these times [rad/s].
     step : float
         Time since the last cycle [s].
-    seen : JointReference
-        Reference at the time at which the position was measured.
-    seen_at : float
-        This time [s].
+    settings : ControlSettings
+        Complete for this joint.
+    gains : PidGains
+        Of the feedback.
+    output, integral : float
+        Of the feedback; the integral may be changed by the law (`PressurePlan.integral`).
+    stiffness : float
+        Commanded [N m/rad].
+    torque : float or None
+        Commanded [N m]; None if no torque is commanded.
+    motion : Motion
+        Measured.
     fresh : float
         Time since the last new position [s]; 0 if it is not new.
-    pressures : (float, float)
-        Measured pressures [Pa].
+    pressures, desired : (float, float)
+        Measured, and desired until now [Pa].
+    measured_at : float
+        When the pressures were measured [s].
+    seen : Moment
+        When the position was measured.
+    now : Moment
+        When the measured pressures were true; `measured_at`, unless they were found to be late.
+    acts : (Moment, Moment)
+        When the agonist's and the antagonist's valve will act.
+    limits : MotionLimits
+        Which the reference keeps.
+    adapts : bool
+        Whether what was learnt is used.
+    learner : MotionLearner or None
+        Of a motion that is repeated.
     """
 
-    index: int
-    channel: JointChannel
-    output: float
-    now: JointReference
-    then: JointReference
-    measured_at: float
-    acts_at: float
-    now_at: float
-    side_acts_at: Pair
-    side_velocities: Pair
     step: float
-    seen: JointReference
-    seen_at: float
+    settings: ControlSettings
+    gains: PidGains
+    output: float
+    integral: float
+    stiffness: float
+    torque: float | None
+    motion: Motion
     fresh: float
     pressures: Pair
+    desired: Pair
+    measured_at: float
+    seen: Moment
+    now: Moment
+    acts: tuple[Moment, Moment]
+    limits: MotionLimits
+    adapts: bool
+    learner: MotionLearner | None
+
+    @property
+    def then(self) -> Moment:
+        """When the later valve will act."""
+        first, second = self.acts
+        return first if first.time >= second.time else second
+
+    @property
+    def side_times(self) -> Pair:
+        """When each valve will act [s]."""
+        return self.acts[0].time, self.acts[1].time
+
+    @property
+    def side_velocities(self) -> Pair:
+        """Velocity of the reference when each valve will act [rad/s]."""
+        return self.acts[0].reference.velocity, self.acts[1].reference.velocity
+
+
+@dataclass(frozen=True, slots=True)
+class LawTelemetry:
+    """What a control law says about its plan.
+
+    Attributes
+    ----------
+    torque, stiffness : float
+        Desired values [N m], [N m/rad].
+    torque_reached, stiffness_reached : float
+        Values that the desired pressures give by the model [N m], [N m/rad].
+    true_stiffness : float
+        The stiffness that is reached, as far as the law knows better than the model [N m/rad].
+    disturbance : float
+        Torque on the joint that its model does not explain [N m], observed or learnt; NaN if
+        neither is asked for.
+    clipped : tuple of str
+        What was limited: "torque", "stiffness"; the loop adds "pressure_rate", "valve".
+    yields : bool
+        Whether the law lets others move the joint: then an error is no fault.
+    driven : bool
+        Whether the joint is moved by torques, so that it has no reference.
+    """
+
+    torque: float = math.nan
+    stiffness: float = math.nan
+    torque_reached: float = math.nan
+    stiffness_reached: float = math.nan
+    true_stiffness: float = math.nan
+    disturbance: float = math.nan
+    clipped: tuple[str, ...] = ()
+    yields: bool = False
+    driven: bool = False
 
 
 @dataclass(slots=True)
@@ -116,6 +198,10 @@ class PressurePlan:
         Joint velocity for each muscle's dV/dt feedforward [rad/s].
     missed : float
         Reachable minus requested PID output, in its unit.
+    integral : float
+        Of the PID from now on, in the unit of its output.
+    telemetry : LawTelemetry
+        What the plan is meant to give.
     """
 
     reference: Pair
@@ -123,13 +209,91 @@ class PressurePlan:
     ahead: Pair
     velocities: Pair
     missed: float
+    integral: float
+    telemetry: LawTelemetry
+
+
+@dataclass(frozen=True, slots=True)
+class JointTelemetry:
+    """Telemetry of one joint from the last control step.
+
+    Attributes
+    ----------
+    reference : JointReference
+        Reference at the time of measurement.
+    motion : Motion
+        Measured.
+    error : float
+        Reference minus measured position [rad].
+    pressures : (float, float)
+        Desired gauge pressures [Pa].
+    clipped : tuple of str
+        What was limited: "torque", "stiffness", "pressure_rate", "valve".
+    behind_tube : int
+        Number of muscles that were found to be behind a tube.
+    law : LawTelemetry
+        What the control law says.
+    """
+
+    reference: JointReference = field(default_factory=lambda: JointReference(math.nan))
+    motion: Motion = Motion()  # noqa: RUF009  (immutable)
+    error: float = math.nan
+    pressures: Pair = (math.nan, math.nan)
+    clipped: tuple[str, ...] = ()
+    behind_tube: int = 0
+    law: LawTelemetry = LawTelemetry()
+
+    @property
+    def torque(self) -> float:
+        """Desired torque [N m]."""
+        return self.law.torque
+
+    @property
+    def stiffness(self) -> float:
+        """Desired stiffness [N m/rad]."""
+        return self.law.stiffness
+
+    @property
+    def torque_reached(self) -> float:
+        """Torque that the desired pressures give [N m]."""
+        return self.law.torque_reached
+
+    @property
+    def stiffness_reached(self) -> float:
+        """Stiffness that the desired pressures give [N m/rad]."""
+        return self.law.stiffness_reached
+
+    @property
+    def disturbance(self) -> float:
+        """Torque on the joint that its model does not explain [N m]; NaN if not asked for."""
+        return self.law.disturbance
+
+
+@dataclass(frozen=True, slots=True)
+class ControlOutput:
+    """Result of one step.
+
+    Attributes
+    ----------
+    commands : tuple of float or None
+        One command per muscle of the rig: spool opening [-] or pressure [Pa], depending on the
+        kind of valve; NaN for a muscle that belongs to no joint. None: send nothing.
+    reason : str
+        Why there are no commands; empty if there are.
+    joints : tuple of JointTelemetry
+        One for each joint; empty without commands.
+    """
+
+    commands: tuple[float, ...] | None
+    reason: str = ""
+    joints: tuple[JointTelemetry, ...] = ()
 
 
 def missing_measurement(
     time: float,
     measurement: Measurement,
     rig: Rig,
-    channels: Sequence[JointChannel],
+    joints: Sequence[JointModels],
     oldest: float,
 ) -> str:
     """What of a measurement is missing or too old for a control step; empty if nothing is.
@@ -142,7 +306,7 @@ def missing_measurement(
         The latest measurement.
     rig : Rig
         Gives the number of joints and muscles.
-    channels : sequence of JointChannel
+    joints : sequence of JointModels
         All joints.
     oldest : float
         Largest age [s].
@@ -160,10 +324,10 @@ def missing_measurement(
         map(math.isfinite, measurement.pressures)
     ):
         return ""
-    for channel, position in zip(channels, measurement.positions, strict=True):
+    for models, position in zip(joints, measurement.positions, strict=True):
         if not math.isfinite(position):
-            return f"position of {channel.joint.name} is not available"
-        for muscle, index in zip(channel.muscles, channel.indices, strict=True):
+            return f"position of {models.name} is not available"
+        for muscle, index in zip(models.muscles, models.joint.muscles, strict=True):
             if not math.isfinite(measurement.pressures[index]):
                 return f"pressure of {muscle.name} is not available"
     return ""

@@ -1,7 +1,8 @@
-"""Base of all control laws: references, ages, bumpless start, PID, pressure loops, limits.
+"""The controller of all joints of a robot: settings, commands, stops, and one control cycle.
 
-A control law adds the method that plans the pressures of a joint's two muscles. `step` takes a
-measurement and returns valve commands. There is no ROS, no clock and no thread here.
+`step` takes a measurement and returns valve commands and telemetry. There is no ROS, no clock and
+no thread here. What the pressures of a joint's muscles are is up to the control law (`laws`); what
+all laws share in a joint's cycle is in `joint_channel`.
 
 The caller gives the time in seconds. The feedback compares a measurement with the reference at the
 time of that measurement. The feedforward is computed for the time at which the valve will act,
@@ -12,38 +13,44 @@ no tracking error.
 from __future__ import annotations
 
 import math
-from abc import abstractmethod
 from collections.abc import Sequence
+from typing import Final
 
 from pam_control.adaptation.torque_adaptation import LONGEST_DELAY
 from pam_control.control_step import (
     ControlOutput,
+    JointTelemetry,
     Measurement,
-    PlanRequest,
-    PressurePlan,
     missing_measurement,
 )
-from pam_control.drivable_limits import DrivableLimits
 from pam_control.feedback.kept_designs import KeptDesigns
-from pam_control.feedback.pressure_loop import PressureDemand, PressureLoopSettings
-from pam_control.joint_channel import JointChannel, Pair, acting_delays
-from pam_control.limited import limited
+from pam_control.feedback.supply_reservoir import SupplyReservoir
+from pam_control.joint_channel import Cycle, JointChannel
+from pam_control.joint_models import JointModels, Pair
+from pam_control.joint_setup import joint_setups
+from pam_control.laws.law import AnyLaw
+from pam_control.laws.position_stiffness import PositionStiffness
 from pam_control.loop_design import LoopDesign, Loops, PreparedSettings
 from pam_control.loop_guard import LoopGuard, Verdict
 from pam_control.lowering import Lowering, LoweringPhase
+from pam_control.reference_limits import ReferenceLimits
 from pam_control.references.reference_generator import ReferenceGenerator
 from pam_control.references.trajectory import CommandError
 from pam_control.settings import ControlSettings
+from pam_control.torque_commands import TorqueCommands
+from pam_model.errors import PamError
 from pam_model.joints.sensor_correction import SensorCorrection
 from pam_model.rig import Rig
+from pam_model.robot import compose
+from pam_model.views.pull_over_travel import refuse_slack_muscles
 
-SATURATED = frozenset({"torque", "pressure_rate", "valve"})  # what limits the torque
-LONGEST_STEP = 0.02  # s; a longer time between two steps is counted as this
-GAP_PERIODS = 3.0  # plus the unknown delay; a step that is later follows a pause of the loop
+LONGEST_STEP: Final = 0.02  # s; a longer time between two steps is counted as this
+GAP_PERIODS: Final = 3.0  # plus the unknown delay; a step that is later follows a pause of the loop
+MODEL_BASED: Final = PositionStiffness()
 
 
-class Controller(LoopDesign):
-    """A control law for all joints of a rig.
+class Controller:
+    """Controls all joints of a rig by one control law.
 
     Parameters
     ----------
@@ -53,54 +60,110 @@ class Controller(LoopDesign):
         Gains that are missing in it are designed here.
     designs : KeptDesigns, optional
         Store of designed gains for equal joints and later starts; by default in memory only.
+    law : Law, optional
+        The control law with its own parameters; by default the model-based one.
+
+    Attributes
+    ----------
+    channels : list of JointChannel
+        The joints, with their models and the telemetry of the last cycle.
+    settings : ControlSettings
+        In force; no gain is missing.
+    references : ReferenceGenerator
+        Of all joints.
+    guard : LoopGuard
+        Why soft gains are used, and why the controller has stopped.
+    active : bool
+        Whether the joints are controlled.
 
     Raises
     ------
     ControlDesignError
         When a loop would be unstable or have less than 30 degrees of phase margin.
+    RigError
+        If a muscle cannot pull at some angle.
     """
 
     def __init__(
-        self, rig: Rig, settings: ControlSettings, designs: KeptDesigns | None = None
+        self,
+        rig: Rig,
+        settings: ControlSettings,
+        designs: KeptDesigns | None = None,
+        law: AnyLaw = MODEL_BASED,
     ) -> None:
-        super().__init__(rig, settings, designs)
-        self._limits = DrivableLimits(self.robot)
-        self.reduced_speed = rig.people.full_speed_topic
-        self._slow = self.reduced_speed  # what the references keep
-        self.references = ReferenceGenerator(
-            {joint.name: joint.position_limits for joint in rig.joints},
-            {
-                channel.joint.name: self._limits.at(
-                    channel, channel.scale.complete(settings).default_stiffness, reduced=self._slow
-                )
-                for channel in self.channels
-            },
-            max_velocities={joint.name: joint.max_velocity for joint in rig.joints},
-            start_margin=rig.plausibility.position_margin,
-        )
+        self.rig = rig
+        self.designs = designs or KeptDesigns()
+        self.robot = compose(rig)
+        refuse_slack_muscles(self.robot)
+        self._models = [
+            JointModels.of(self.robot, joint, settings.min_pressure) for joint in self.robot.joints
+        ]
+        self.prepared = self._design(law).prepared(settings)
+        self.settings = self.prepared.normal.settings
+        self.reservoir = SupplyReservoir(self.robot)
+        self.channels = [
+            JointChannel(models, self.reservoir, setup)
+            for models, setup in zip(
+                self._models,
+                joint_setups(self._models, self.prepared, self.prepared.normal),
+                strict=True,
+            )
+        ]
+        stiffnesses = self._default_stiffness(settings)
+        self._limits = ReferenceLimits(rig, self.robot, self._models, stiffnesses)
         self.correction = SensorCorrection(self.robot)
-        self.stiffness_commands = self._default_stiffness(settings)
         self.active = False
+        self._held = False  # a stop was asked for since the joints were taken over
+        self._torques = TorqueCommands(rig.joint_names)
         self._time = math.nan
-        self._late: list[Pair] = []
-        self.guard = LoopGuard(self.channels)
-        self.lowering = Lowering(self.channels)
+        self._told_horizon = 0.0
+        self.guard = LoopGuard(self.robot.joints)
+        self.lowering = Lowering()
         self.use(self.prepared)
 
     # --- settings ---------------------------------------------------------------------------------
 
-    def prepare(self, settings: ControlSettings) -> PreparedSettings:
+    @property
+    def law(self) -> AnyLaw:
+        """The control law that is in force, with its parameters as they were asked for."""
+        return self.prepared.law
+
+    @property
+    def design(self) -> LoopDesign:
+        """Designs and checks the gains of the law."""
+        return self._design(self.law)
+
+    def _design(self, law: AnyLaw) -> LoopDesign:
+        return LoopDesign(self.rig, self._models, law, self.designs)
+
+    def is_quick(self, settings: ControlSettings, law: AnyLaw | None = None) -> bool:
+        """Whether `prepare` only copies: it designs, checks and reads nothing."""
+        return self._design(law or self.law).is_quick(settings, self.prepared)
+
+    def prepare(self, settings: ControlSettings, law: AnyLaw | None = None) -> PreparedSettings:
         """Design and check other settings, which may take minutes; nothing changes yet.
+
+        Parameters
+        ----------
+        settings : ControlSettings
+            The others.
+        law : Law, optional
+            The present law with other parameters; by default with the same ones.
 
         Raises
         ------
         ControlDesignError
             When a loop would not be safe.
+        PamError
+            For another law: a state of one has no meaning for another.
         """
+        law = law or self.law
+        if type(law) is not type(self.law):
+            raise PamError(f"law = {law.name!r}: can only be changed by a restart")
         self.foresee_stiffness(self._default_stiffness(settings))
-        return super().prepare(settings)
+        return self._design(law).changed(settings, self.prepared)
 
-    def change(self, settings: ControlSettings) -> None:
+    def change(self, settings: ControlSettings, law: AnyLaw | None = None) -> None:
         """Use other settings from the next step on; missing gains are designed again.
 
         Raises
@@ -108,7 +171,7 @@ class Controller(LoopDesign):
         ControlDesignError
             When a loop would not be safe; the present settings are kept.
         """
-        self.use(self.prepare(settings))
+        self.use(self.prepare(settings, law))
 
     def use(self, prepared: PreparedSettings) -> None:
         """Use prepared settings from the next step on, without a jump of the desired pressures."""
@@ -116,14 +179,13 @@ class Controller(LoopDesign):
         self.prepared = prepared
         after = self._default_stiffness(prepared.asked)
         if after != before and self.stiffness_commands == before:  # none was commanded
-            self.stiffness_commands = after
-            self._drive()
+            self._limits.use(after)
         self._apply((self.guard.softened and prepared.soft) or prepared.normal)
 
     @property
     def adapts(self) -> bool:
         """Whether the joints and the valves are learnt."""
-        return self.settings.adaptation and self.has_adaptation
+        return self.settings.adaptation and self.law.has_adaptation
 
     @property
     def can_soften(self) -> bool:
@@ -132,40 +194,59 @@ class Controller(LoopDesign):
 
     def _apply(self, loops: Loops) -> None:
         """Use these loops from the next step on, without a jump of the desired pressures."""
-        for channel, found in zip(self.channels, loops.margins, strict=True):
-            channel.margins = found
         self.settings = settings = loops.settings
+        for channel, setup in zip(
+            self.channels, joint_setups(self._models, self.prepared, loops), strict=True
+        ):
+            channel.use(setup)
         if not settings.adaptation:
             self.forget_adaptation()
-        session = None if loops.soft else self.prepared.learning
-        for channel in self.channels:
-            channel.learner = session.learners[channel.joint.name] if session else None
-            channel.acting_delays = acting_delays(channel, settings)
-        self.references.stream_timeout = settings.stream_timeout
-        self.references.stream_bandwidth = settings.stream_bandwidth
-        self.references.allow_nonzero_end_velocity = settings.allow_nonzero_end_velocity
+        references = self.references
+        references.stream_timeout = settings.stream_timeout
+        references.stream_bandwidth = settings.stream_bandwidth
+        references.allow_nonzero_end_velocity = settings.allow_nonzero_end_velocity
         # the reference is needed until the slowest valve acts, and back to the oldest measurement
         self._told_horizon = max(
-            (max(channel.acting_delays) for channel in self.channels), default=0.0
+            (max(channel.setup.acting_delays) for channel in self.channels), default=0.0
         )
-        self.references.horizon = max(self.references.horizon, self._told_horizon)
-        self.references.keep(
+        references.horizon = max(references.horizon, self._told_horizon)
+        references.keep(
             settings.stale_after
             + settings.measurement_delay
             + 2.0 * LONGEST_DELAY  # of the sensors, and of the commands in the horizon
-            + max((channel.position_delay for channel in self.channels), default=0.0)
-            + max((channel.pressure_lag for channel in self.channels), default=0.0)
+            + max((models.position_delay for models in self._models), default=0.0)
+            + max((models.pressure_lag for models in self._models), default=0.0)
         )
         if self.active:
-            for index, channel in enumerate(self.channels):
-                self._continue(index, channel)
+            for channel in self.channels:
+                channel.resume()
+
+    def forget_adaptation(self) -> None:
+        """Forget what was learnt of the joints and the valves."""
+        for channel in self.channels:
+            channel.forget_adaptation()
 
     # --- commands -------------------------------------------------------------------------------
 
     @property
+    def references(self) -> ReferenceGenerator:
+        """Of all joints."""
+        return self._limits.references
+
+    @property
     def measured(self) -> dict[str, float]:
         """Where the joints are [rad], by name; NaN where that is not known."""
-        return {channel.joint.name: channel.position for channel in self.channels}
+        return {channel.models.name: channel.motion.position for channel in self.channels}
+
+    @property
+    def telemetry(self) -> list[JointTelemetry]:
+        """Of every joint, from the last cycle."""
+        return [channel.telemetry for channel in self.channels]
+
+    @property
+    def stiffness_commands(self) -> list[float]:
+        """Commanded stiffness of every joint [N m/rad]."""
+        return self._limits.stiffnesses
 
     def set_stiffness(self, values: Sequence[float]) -> None:
         """Set the commanded stiffness of every joint [N m/rad].
@@ -175,17 +256,7 @@ class Controller(LoopDesign):
         CommandError
             For a wrong size, or a value that is not finite or not above 0; nothing is changed.
         """
-        if len(values) != len(self.channels):
-            raise CommandError(
-                f"stiffness command rejected: {len(values)} values for {len(self.channels)} joints"
-            )
-        for channel, value in zip(self.channels, values, strict=True):
-            if not (math.isfinite(value) and value > 0.0):
-                raise CommandError(
-                    f"stiffness command rejected: {channel.joint.name} at {value} N m/rad"
-                )
-        self.stiffness_commands = [float(value) for value in values]
-        self._drive()
+        self._limits.command(values)
 
     def set_torques(self, values: Sequence[float], now: float) -> None:
         """Set the torque of every joint [N m]; only the law `torque` takes them.
@@ -202,39 +273,32 @@ class Controller(LoopDesign):
         CommandError
             When this law takes no torques, or for values that cannot be used.
         """
-        raise CommandError("torque command rejected: only law torque takes torques")
+        if not self.law.takes_torques:
+            raise CommandError("torque command rejected: only law torque takes torques")
+        self._torques.command(values, now)
 
     def foresees(self, values: Sequence[float]) -> bool:
         """Whether the limits for these stiffnesses [N m/rad] are known already."""
-        return all(
-            not math.isfinite(value) or self._limits.knows(channel, value)
-            for channel, value in zip(self.channels, values, strict=False)
-        )
+        return self._limits.foresees(values)
 
     def foresee_stiffness(self, values: Sequence[float]) -> None:
         """Compute limits for stiffnesses [N m/rad] that will be commanded; needs no lock."""
-        for channel, value in zip(self.channels, values, strict=False):
-            if math.isfinite(value):
-                self._limits.at(channel, value)
-
-    def _drive(self) -> None:
-        """Limit the references to what the valves can drive at the commanded stiffnesses."""
-        for channel, stiffness in zip(self.channels, self.stiffness_commands, strict=True):
-            limits = self._limits.at(channel, stiffness, reduced=self._slow)
-            self.references.limit(channel.joint.name, limits)
+        self._limits.foresee(values)
 
     def stiffness_range(self, index: int) -> Pair:
         """Least and greatest stiffness [N m/rad] of joint `index` at its present reference."""
-        channel = self.channels[index]
-        reference = channel.telemetry.reference
+        models, reference = self._models[index], self.channels[index].telemetry.reference
         if math.isnan(reference.position):
             return math.nan, math.nan
-        torque = channel.dynamics.torque(reference)
-        low = channel.model.pressures_for(torque, 0.0, reference.position)
-        high = channel.model.pressures_for(torque, 1e9, reference.position)
+        torque = models.torque(reference)
+        low = models.model.pressures_for(torque, 0.0, reference.position)
+        high = models.model.pressures_for(torque, 1e9, reference.position)
         return float(low.stiffness), float(high.stiffness)
 
-    # --- running --------------------------------------------------------------------------------
+    def _default_stiffness(self, settings: ControlSettings) -> list[float]:
+        return [each.scale.complete(settings).default_stiffness for each in self._models]
+
+    # --- stops ----------------------------------------------------------------------------------
 
     def drop_commands(self) -> None:
         """Stop, and forget the stiffness that was commanded; references are dropped in any case."""
@@ -242,20 +306,7 @@ class Controller(LoopDesign):
         if self.guard.softened:
             self._apply(self.prepared.normal)
         self.guard.clear()
-        self.stiffness_commands = self._default_stiffness(self.settings)
-        self._drive()
-
-    def _default_stiffness(self, settings: ControlSettings) -> list[float]:
-        return [each.scale.complete(settings).default_stiffness for each in self.channels]
-
-    def _integral_limit(self, channel: JointChannel) -> float:
-        """Limit of the PID's integral, in the unit of its output."""
-        return channel.scale.complete(self.settings).integral_limit
-
-    def forget_adaptation(self) -> None:
-        """Forget what was learnt of the joints and the valves."""
-        for channel in self.channels:
-            channel.forget_adaptation()
+        self._limits.use(self._default_stiffness(self.settings))
 
     def stop(self, now: float) -> None:
         """Brake all joints within their limits and hold them (stop category 2).
@@ -265,6 +316,8 @@ class Controller(LoopDesign):
         now : float
             Present time [s].
         """
+        self._torques.drop()
+        self._held = True
         if self.lowering.phase in (LoweringPhase.SINKING, LoweringPhase.DONE):
             self.deactivate()  # holds where the joints have sunk to
         self.lowering.cancel()
@@ -278,14 +331,19 @@ class Controller(LoopDesign):
         now : float
             Present time [s].
         """
+        self._torques.drop()
+        self._held = True
         self.references.stop([], now)
         self.lowering.start()
 
-    def reduce_speed(self, reduced: bool, now: float) -> None:
-        """Keep the joints' `reduced_velocity`, or no longer.
+    def deactivate(self) -> None:
+        """Stop; the next step starts without a jump from the state that is measured then."""
+        self._torques.drop()
+        self.active = False
+        self.lowering.cancel()
 
-        Either change brakes the joints and holds them (stop category 2), so that no reference
-        becomes faster by itself.
+    def reduce_speed(self, reduced: bool, now: float) -> None:
+        """Keep the joints' `reduced_velocity`, or no longer; see `ReferenceLimits`.
 
         Parameters
         ----------
@@ -294,26 +352,16 @@ class Controller(LoopDesign):
         now : float
             Present time [s].
         """
-        if reduced != self.reduced_speed:
-            self.reduced_speed = reduced
-            self.references.stop([], now)
+        self._limits.reduce_speed(reduced, now)
 
-    def _change_speed(self) -> None:
-        """Use the other limit of speed as soon as all references have braked below it."""
-        limits = [
-            self._limits.at(channel, stiffness, reduced=self.reduced_speed)
-            for channel, stiffness in zip(self.channels, self.stiffness_commands, strict=True)
-        ]
-        if all(
-            self.references.speed(channel.joint.name) <= limit.velocity
-            for channel, limit in zip(self.channels, limits, strict=True)
-        ):
-            self._slow = self.reduced_speed
-            self._drive()
+    @property
+    def reduced_speed(self) -> bool:
+        """Whether full speed is not permitted."""
+        return self._limits.reduced
 
     def reason_against_references(self) -> str:
         """Why no references are taken now; empty if they are."""
-        if self._slow != self.reduced_speed:
+        if self._limits.braking:
             return "the joints brake, because another speed is permitted now"
         if self.lowering.phase is not LoweringPhase.OFF:
             return "the joints are being lowered"
@@ -321,12 +369,9 @@ class Controller(LoopDesign):
 
     def reason_against_motion(self) -> str:
         """Why this law follows no trajectories and no streams; empty if it does."""
-        return ""
+        return self.law.against_motion
 
-    def deactivate(self) -> None:
-        """Stop; the next step starts without a jump from the state that is measured then."""
-        self.active = False
-        self.lowering.cancel()
+    # --- running --------------------------------------------------------------------------------
 
     def step(self, time: float, measurement: Measurement) -> ControlOutput:
         """One control cycle.
@@ -344,8 +389,10 @@ class Controller(LoopDesign):
             Commands; or none and the reason, if a measurement is missing or older than
             `stale_after`.
         """
+        torques = self._torques.at(time, self.settings.stream_timeout)
+        self._guide(time, torques)
         reason = self.guard.stopped or missing_measurement(
-            time, measurement, self.rig, self.channels, self.settings.stale_after
+            time, measurement, self.rig, self._models, self.settings.stale_after
         )
         if reason:
             self.active = False
@@ -361,37 +408,60 @@ class Controller(LoopDesign):
         normal = self.prepared.normal.settings
         longest = GAP_PERIODS * normal.period + normal.extra_delay
         if self.guard.watch_gaps(time, time - self._time, longest):
-            self.deactivate()
-            return ControlOutput(None, self.guard.stopped)
+            return self._stopped()
         step = min(max(time - self._time, 0.0), LONGEST_STEP) or self.settings.period
         self._time = time
         self._look_ahead(step)
         self.references.advance(time)
-        if self._slow != self.reduced_speed:
-            self._change_speed()
+        self._limits.advance()
         self.reservoir.advance(step)
         commands = [math.nan] * len(self.rig.muscles)
-        for index in range(len(self.channels)):
-            self._joint_step(index, time, step, measurement, commands)
-        self.lowering.advance(time, self.settings.lowering_time, measurement.pressures)
+        cycle = Cycle(time, step, measurement, self.references, self.lowering.share)
+        for channel, stiffness, torque in zip(
+            self.channels, self.stiffness_commands, torques, strict=True
+        ):
+            first, second = channel.models.joint.muscles
+            commands[first], commands[second] = channel.step(cycle, stiffness, torque)
+        return self._judged(time, tuple(commands), measurement)
+
+    def _judged(
+        self, time: float, commands: tuple[float, ...], measurement: Measurement
+    ) -> ControlOutput:
+        """The output of a cycle, unless its telemetry shows that the joints have to stop."""
+        joints = tuple(self.telemetry)
+        output = ControlOutput(commands, joints=joints)
+        pressures = [measurement.pressures[i] for m in self._models for i in m.joint.muscles]
+        self.lowering.advance(time, self.settings.lowering_time, joints, pressures)
         if self.lowering.phase is LoweringPhase.DONE:
             self.guard.stopped = "lowered as asked for"
-            self.deactivate()
-            return ControlOutput(None, self.guard.stopped)
+            return self._stopped()
         if self.lowering.phase is LoweringPhase.SINKING:
-            return ControlOutput(tuple(commands))
-        match self.guard.judge(time, self.settings.tracking_time, self.can_soften):
+            return output
+        match self.guard.judge(time, joints, self.settings.tracking_time, self.can_soften):
             case Verdict.SOFTEN if self.prepared.soft is not None:
                 self._apply(self.prepared.soft)
             case Verdict.STOP:
-                self.deactivate()
-                return ControlOutput(None, self.guard.stopped)
-        return ControlOutput(tuple(commands))
+                return self._stopped()
+        return output
+
+    def _stopped(self) -> ControlOutput:
+        self.deactivate()
+        return ControlOutput(None, self.guard.stopped)
+
+    def _guide(self, time: float, torques: Sequence[float | None]) -> None:
+        """Let the law lead or stop the references of joints that others move."""
+        step = min(max(time - self._time, 0.0), LONGEST_STEP)
+        for channel, torque in zip(self.channels, torques, strict=True):
+            guidance = channel.guide(step, self.active, self._held, torque)
+            if guidance.lead is not None:
+                self.references.lead(channel.models.name, guidance.lead)
+            if guidance.restart:
+                self.references.stop([channel.models.name], time)
+                channel.begin_again()
 
     def _look_ahead(self, step: float) -> None:
         """Let the references reach ahead by the delay of the commands, stated and learnt."""
-        self._late = [channel.late_commands for channel in self.channels]
-        late = max(map(max, self._late), default=0.0)
+        late = max((max(channel.late_commands) for channel in self.channels), default=0.0)
         # it shrinks more slowly than time goes on, so that no reference is changed again
         shrunk = self.references.horizon - 0.5 * step
         self.references.horizon = max(self._told_horizon + late, shrunk)
@@ -401,137 +471,14 @@ class Controller(LoopDesign):
         self._time = time - self.settings.period
         self.references.hold(
             {
-                channel.joint.name: float(position)
-                for channel, position in zip(self.channels, measurement.positions, strict=True)
+                models.name: float(position)
+                for models, position in zip(self._models, measurement.positions, strict=True)
             }
         )
         self.reservoir.reset()
-        for index, channel in enumerate(self.channels):
-            channel.reset()
-            a, b = (max(float(measurement.pressures[i]), 0.0) for i in channel.indices)
-            channel.desired = (a, b)
-            self._begin(index, channel, float(measurement.positions[index]), (a, b))
+        for channel, position in zip(self.channels, measurement.positions, strict=True):
+            a, b = (max(float(measurement.pressures[i]), 0.0) for i in channel.models.joint.muscles)
+            channel.take_over(float(position), (a, b))
         self.guard.restart()
+        self._held = False
         self.active = True
-
-    @abstractmethod
-    def _begin(self, index: int, channel: JointChannel, position: float, pressures: Pair) -> None:
-        """Initialise the law's state so that its first desired pressures are the measured ones."""
-
-    def _continue(self, index: int, channel: JointChannel) -> None:
-        """Go on with changed settings from the desired pressures that the joint has now."""
-        gains, error = self.settings.gains[channel.joint.name], channel.telemetry.error
-        self._begin(index, channel, channel.position, channel.desired)
-        channel.pid.continue_at(channel.pid.integral, error, gains)
-
-    @abstractmethod
-    def _plan(self, request: PlanRequest) -> PressurePlan:
-        """Plan the pressures of one joint and fill the law's part of its telemetry."""
-
-    @staticmethod
-    def _sinking(channel: JointChannel) -> PressurePlan | None:
-        """The plan of a joint whose air is let out slowly; None for every other joint."""
-        if channel.sinking_from is None:
-            return None
-        share, still = channel.sinking_share, (0.0, 0.0)
-        first, second = channel.sinking_from
-        channel.telemetry.clipped = ()
-        return PressurePlan((share * first, share * second), still, still, still, 0.0)
-
-    def _joint_step(
-        self,
-        index: int,
-        time: float,
-        step: float,
-        measurement: Measurement,
-        commands: list[float],
-    ) -> None:
-        settings, channel = self.settings, self.channels[index]
-        name = channel.joint.name
-        position = measurement.positions[index]
-        pressures = [
-            loop.inside(measurement.pressures[i], step)
-            for loop, i in zip(channel.loops, channel.indices, strict=True)
-        ]
-        gains = settings.gains[name]
-        measured_at = measurement.pressure_time - settings.measurement_delay
-        now_at = measured_at - channel.pressure_lag - channel.late_pressures
-        seen_at = measurement.position_time - settings.measurement_delay - channel.position_delay
-        seen_at -= channel.late_position
-        told, late, sample = channel.acting_delays, self._late[index], self.references.sample
-        acts = (time + told[0] + late[0], time + told[1] + late[1])
-        acts_at = max(acts)
-        now = sample(name, now_at)
-        seen = now if seen_at == now_at else sample(name, seen_at)
-        then = sample(name, acts_at)
-        thens = [then if at == acts_at else sample(name, at) for at in acts]
-        if channel.learner is not None:
-            channel.learner.follow(self.references.spline(name))
-        fresh = channel.measure(position, measurement.position_time, settings.derivative_filter)
-        error = seen.position - position
-        output = channel.pid.output(error, fresh, gains)
-        plan = self._sinking(channel) or self._plan(
-            PlanRequest(
-                index,
-                channel,
-                output,
-                now,
-                then,
-                measured_at,
-                acts_at,
-                now_at,
-                acts,
-                (thens[0].velocity, thens[1].velocity),
-                step,
-                seen,
-                seen_at,
-                fresh,
-                (pressures[0], pressures[1]),
-            )
-        )
-        clipped = list(channel.telemetry.clipped)
-        reach = settings.pressure_rate * step
-        (first, second), (wanted, other) = channel.desired, plan.reference
-        channel.desired = (
-            limited(wanted, first - reach, first + reach),
-            limited(other, second - reach, second + reach),
-        )
-        if channel.desired != (wanted, other):
-            clipped.append("pressure_rate")
-        loop_settings = PressureLoopSettings(
-            settings.pressure_gain or 0.0,
-            settings.lead_ratio,
-            settings.spool_limit,
-            self.adapts,
-            time + max(told) - measured_at + channel.pressure_lag,
-        )
-        channel.valve_clipped = False
-        for side in (0, 1):
-            arm = channel.joint.arms[side]
-            ahead = thens[side].position - seen.position
-            demand = PressureDemand(
-                channel.desired[side],
-                plan.rate[side],
-                plan.ahead[side],
-                channel.model.lengths(position + ahead)[side],
-                -arm.length * plan.velocities[side],
-            )
-            command, cut = channel.loops[side].command(demand, pressures[side], loop_settings, step)
-            commands[channel.indices[side]] = command
-            channel.valve_clipped = channel.valve_clipped or cut
-        if channel.valve_clipped:
-            clipped.append("valve")
-        channel.pid.integrate(
-            error,
-            step,
-            gains,
-            missed=plan.missed,
-            limit=self._integral_limit(channel),
-            # a stiffness out of reach costs no torque, so that the integrator may go on
-            frozen=channel.sinking_from is not None
-            or (plan.missed == 0.0 and bool(clipped) and not SATURATED.isdisjoint(clipped)),
-        )
-        telemetry = channel.telemetry
-        telemetry.reference, telemetry.error = seen, error
-        telemetry.pressures = channel.desired
-        telemetry.clipped = tuple(clipped)

@@ -9,9 +9,10 @@ from typing import Any
 
 from pam_control.command_intake import CommandIntake
 from pam_control.controller import Controller
+from pam_control.driver_follower import DriverFollower
 from pam_control.setting_changes import SettingChanges
 from pam_ros import diagnostics as health
-from pam_ros.periodic import PeriodicLoop
+from pam_ros.periodic import Loop
 
 REJECTION_SHOWN = 5.0  # s
 
@@ -40,15 +41,17 @@ class ControllerHealth:
         Its commands.
     changes : SettingChanges
         Its settings.
-
-    Attributes
-    ----------
-    driver : str
-        What the driver has said last about commands.
+    driver : DriverFollower
+        What the driver has said.
     """
 
     def __init__(
-        self, name: str, controller: Controller, intake: CommandIntake, changes: SettingChanges
+        self,
+        name: str,
+        controller: Controller,
+        intake: CommandIntake,
+        changes: SettingChanges,
+        driver: DriverFollower,
     ) -> None:
         self._name = name
         self._controller = controller
@@ -56,22 +59,24 @@ class ControllerHealth:
         self._changes = changes
         self._counts = [JointCounts() for _ in controller.channels]
         self._oldest = [0.0, 0.0]
-        self.driver = "no state received"
+        self._driver = driver
 
     def count(self, ages: Sequence[float]) -> None:
         """Count a control cycle; ages [s] of the joint states and of the pressure states in it."""
         self._oldest = [max(pair) for pair in zip(self._oldest, ages, strict=True)]
         references = self._controller.references
-        for counts, channel in zip(self._counts, self._controller.channels, strict=True):
-            off = channel.telemetry.error
+        names = self._controller.rig.joint_names
+        telemetry = self._controller.telemetry
+        for counts, name, joint in zip(self._counts, names, telemetry, strict=True):
+            off = joint.error
             counts.cycles += 1
-            counts.clipped += bool(channel.telemetry.clipped)
-            counts.limited += references.held_back(channel.joint.name)
+            counts.clipped += bool(joint.clipped)
+            counts.limited += references.held_back(name)
             counts.squares += off * off
             counts.largest = max(counts.largest, abs(off))
 
     def statuses(
-        self, now: float, reason: str, law: str, loop: PeriodicLoop, ages: Sequence[float]
+        self, now: float, reason: str, law: str, loop: Loop, ages: Sequence[float]
     ) -> list[Any]:
         """All statuses since the last call.
 
@@ -83,7 +88,7 @@ class ControllerHealth:
             Why no commands are sent; empty if they are.
         law : str
             The control law.
-        loop : PeriodicLoop
+        loop : Loop
             The control loop.
         ages : sequence of float
             Present ages of joint states and pressure states [s].
@@ -93,7 +98,7 @@ class ControllerHealth:
         self._oldest = [0.0, 0.0]
         return statuses
 
-    def _loop(self, reason: str, law: str, loop: PeriodicLoop, ages: Sequence[float]) -> Any:
+    def _loop(self, reason: str, law: str, loop: Loop, ages: Sequence[float]) -> Any:
         controller = self._controller
         values = health.loop_values(loop.statistics)
         for topic, age, oldest in zip(
@@ -101,7 +106,7 @@ class ControllerHealth:
         ):
             values[f"{topic} age [ms]"] = 1e3 * age
             values[f"{topic} largest age in a cycle [ms]"] = 1e3 * oldest
-        values["driver"] = self.driver
+        values["driver"] = self._driver.said
         values["law"] = law
         values["feedforward"] = controller.settings.feedforward
         values["pressure loop gain [1/s]"] = controller.settings.pressure_gain
@@ -146,19 +151,19 @@ class ControllerHealth:
         controller = self._controller
         channel, counts = controller.channels[index], self._counts[index]
         self._counts[index] = JointCounts()
-        worst, telemetry = channel.margins[0], channel.telemetry
-        gains = controller.settings.gains[channel.joint.name]
+        setup, telemetry, name = channel.setup, channel.telemetry, channel.models.name
+        worst, gains = setup.margins[0], channel.gains
         cycles = max(counts.cycles, 1)
         low, high = controller.stiffness_range(index)
         values = {
-            "following": controller.references.following(channel.joint.name),
+            "following": controller.references.following(name),
             "rms error [rad]": math.sqrt(counts.squares / cycles),
             "largest error [rad]": counts.largest,
             "clipped share [-]": counts.clipped / cycles,
             "clipped last": ", ".join(telemetry.clipped) or "nothing",
             "reference held back share [-]": counts.limited / cycles,
             "stiffness asked [N m/rad]": controller.stiffness_commands[index],
-            "stiffness now [N m/rad]": channel.stiffness_factor * telemetry.stiffness_reached,
+            "stiffness now [N m/rad]": telemetry.law.true_stiffness,
             "least stiffness [N m/rad]": low,
             "greatest stiffness [N m/rad]": high,
             "least share of the pressure loops' gain [-]": min(
@@ -172,29 +177,26 @@ class ControllerHealth:
             "derivative gain [N m s/rad]": gains.derivative,
         }
         if controller.adapts:
-            found = channel.stiffness.at(telemetry.pressures, channel.inside(channel.position))
-            values["true stiffness, estimated [N m/rad]"] = found.value
-            values["true stiffness, at least (90 %) [N m/rad]"] = found.low
-            values["true stiffness, at most (90 %) [N m/rad]"] = found.high
+            values |= setup.law.report(channel.models, channel.law_state, telemetry)
             values["learnt delay of the position [s]"] = channel.late_position
             values["learnt delay of the pressures [s]"] = channel.late_pressures
             values["learnt delay of the commands [s]"] = max(channel.late_commands)
         session = controller.prepared.learning
         if session is not None:
-            values["learning"] = session.report(channel.joint.name)
+            values["learning"] = session.report(name)
             values["learning file"] = session.problem or "no problem"
         texts = [session.problem] if session is not None and session.problem else []
         if counts.clipped > 0.5 * cycles and telemetry.clipped:
             texts.append(f"cut by {', '.join(telemetry.clipped)}")
         if counts.limited:
-            joint = channel.joint
+            joint = channel.models.joint
             texts.append(
                 f"reference held back in {counts.limited / cycles:.0%} of the cycles (max_velocity "
                 f"{joint.max_velocity:g} rad/s, max_acceleration {joint.max_acceleration:g} "
                 "rad/s^2, or what the valves can drive)"
             )
         return health.diagnostic_status(
-            f"{self._name}: {channel.joint.name}",
+            f"{self._name}: {name}",
             health.WARN if texts else health.OK,
             "; ".join(texts) or "in reach",
             values,

@@ -17,62 +17,49 @@ if __name__ == "__main__":  # before the imports below, which take time
 
 import contextlib
 import gc
+import math
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import rclpy
-from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
-from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray
-from std_srvs.srv import Trigger
-from trajectory_msgs.msg import JointTrajectory
 
 from pam_control.actions.follow_trajectory import FollowTrajectory
-from pam_control.adapted_rig import AdaptedRig, adapted_rig, learnt_of, save_adapted_rig
 from pam_control.command_intake import CommandIntake
-from pam_control.control_step import Measurement
+from pam_control.control_step import JointTelemetry, Measurement
 from pam_control.controller_health import ControllerHealth
-from pam_control.controller_inputs import ControllerInputs
 from pam_control.controller_parameters import (
+    COMMAND_DELAY,
     HELP,
     create_controller,
-    kept_file,
     parameter_table,
 )
 from pam_control.controller_topics import ControllerTopics
+from pam_control.driver_follower import DriverFollower
+from pam_control.driver_link import MakeLink, TopicLink
 from pam_control.feedback.kept_designs import KeptDesigns, user_cache_folder
 from pam_control.feedback.separate_process import SeparateProcess
+from pam_control.operator_services import OperatorServices
+from pam_control.reference_topics import ReferenceTopics
 from pam_control.references.stiffness_test import StiffnessTest
 from pam_control.references.test_motion import test_motion
-from pam_control.references.trajectory import CommandError
 from pam_control.setting_changes import SettingChanges
-from pam_control.trajectory_message import TrajectoryMessage, is_stop
 from pam_model.errors import PamError
 from pam_model.rig import described_key, rig_of_node
 from pam_ros import diagnostics as health
-from pam_ros.driver_state import (
-    activation_of,
-    permits_full_speed,
-    reason_against_commands,
-)
-from pam_ros.errors import MalformedMessageError, ParameterError
+from pam_ros.errors import ParameterError
 from pam_ros.parameters import NodeParameters, Value
-from pam_ros.periodic import PeriodicLoop
+from pam_ros.periodic import MakeLoop, PeriodicLoop
 from pam_ros.phase_follower import PhaseFollower
 from pam_ros.slow_work import SlowWork
 from pam_ros.spin import spin_node
 from pam_ros.steady_timers import SteadyTimers
-from pam_ros.subscriptions import subscribe
 
 TEST_EVERY = 0.25  # s
-LARGEST_TRAJECTORY = 2**26  # bytes; the number of points is limited by a parameter
 SWITCH_INTERVAL = 5e-4  # s; the control thread can run soon after a callback has begun
 NAME = "pam_controller"
 
@@ -80,17 +67,38 @@ NAME = "pam_controller"
 class ControllerNode(Node):  # type: ignore[misc]
     """ROS interface of a `Controller`.
 
+    Parameters
+    ----------
+    make_link : callable, optional
+        Makes the link to the driver; by default over topics.
+    make_loop : callable, optional
+        Makes the loop that runs the cycles; by default a thread of this node.
+    arguments : sequence of str, optional
+        Arguments for this node alone, from `--ros-args` on.
+    command_delay : float, optional
+        From the controller to the valve by this link [s]: the default of `loop.command_delay`.
+
     Raises
     ------
     PamError, ParameterError
         For a rig or parameters that cannot be used, or a loop that would not be safe.
     """
 
-    def __init__(self) -> None:
-        super().__init__(NAME, automatically_declare_parameters_from_overrides=True)
+    def __init__(
+        self,
+        make_link: MakeLink = TopicLink,
+        make_loop: MakeLoop = PeriodicLoop,
+        arguments: Sequence[str] = (),
+        command_delay: float = COMMAND_DELAY,
+    ) -> None:
+        super().__init__(
+            NAME,
+            cli_args=list(arguments) or None,
+            automatically_declare_parameters_from_overrides=True,
+        )
         self._controller: Any = None
         names = self._joint_names_given()
-        self._table = parameter_table(names)
+        self._table = parameter_table(names, command_delay)
         self._declared = NodeParameters(
             self,
             self._table,
@@ -127,9 +135,6 @@ class ControllerNode(Node):  # type: ignore[misc]
         self._log_design()
 
         self._origin = time.monotonic()
-        self._reason = "no measurement yet"
-        self._activation = ""  # the last one that was received from the driver
-        self._driver_reason = ""  # why the driver takes no commands; empty without such a driver
         self.intake = CommandIntake(
             self._controller,
             self._lock,
@@ -149,45 +154,65 @@ class ControllerNode(Node):  # type: ignore[misc]
             reason_against=self._reason_against_references,
             planning=self._planning,
         )
+        self._driver = DriverFollower(
+            self._controller, self.intake, self._lock, self._now, drop_goal=self._action.drop
+        )
         self._health = ControllerHealth(
-            self.get_name(), self._controller, self.intake, self._changes
+            self.get_name(), self._controller, self.intake, self._changes, self._driver
         )
 
-        rate = self._declared.number("loop.rate")
-        every = rate / min(self._declared.number("telemetry.rate"), rate)
+        every = self.rate / min(self._declared.number("telemetry.rate"), self.rate)
         self._topics = ControllerTopics(self, self.rig, max(1, round(every)))
-        latest = QoSProfile(depth=1)
         self._health_out = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        # bytes, which its own reader reads: see pam_control.trajectory_message
-        self._trajectories = subscribe(
-            self, JointTrajectory, "~/joint_trajectory", self._on_trajectory, 10,
-            read=bytes, most_bytes=LARGEST_TRAJECTORY,
-        )  # fmt: skip
-        subscribe(self, JointState, "~/commands", self._on_stream, latest)
-        subscribe(self, Float64MultiArray, "~/stiffness_commands", self._on_stiffness, latest)
-        subscribe(self, Float64MultiArray, "~/torque_commands", self._on_torque, latest)
-        self.create_service(Trigger, "~/stop", self._on_stop)
-        self.create_service(Trigger, "~/lower", self._on_lower)
-        self.create_service(Trigger, "~/save_adapted_rig", self._on_save)
-        self._vent = self.create_client(Trigger, "pam_driver/vent")
+        self.reference_topics = ReferenceTopics(
+            self,
+            self._controller,
+            self.intake,
+            self._planning,
+            self._foreseeing,
+            most_points=lambda: int(self._changes.values["trajectory.max_points"]),
+            seconds=self._seconds,
+        )
+        self.operator_services = OperatorServices(
+            self,
+            self._controller,
+            self.intake,
+            self._lock,
+            self._writing,
+            values=lambda: self._changes.values,
+            clock=self._now,
+            reason=lambda: self._driver.silence,
+        )
         self.steady_timers.add(1.0, self._report)
         self._stiffness_test = StiffnessTest(self._controller.references)
         self.steady_timers.add(TEST_EVERY, self._test_stiffness)
-        self._inputs = ControllerInputs(
+        self._link = make_link(
             self,
             self.rig,
             self._now,
             self.intake.rejecting,
-            self._on_driver_state,
-            self._on_lost_driver_state,
+            self._driver.take,
+            self._driver.lose,
         )
-        self.polled_topics = self._inputs.topics
-        priority = int(self._declared.number("loop.realtime_priority"))
-        self.loop = PeriodicLoop(self._cycle, 1.0 / rate, "control", priority)
+        self.polled_topics = self._link.polled_topics
+        self._measurement = Measurement((), (), -math.inf, -math.inf)
+        # of this cycle: when commands were computed, since 1970 [ns], and what the joints followed
+        self._sent: tuple[int, Sequence[JointTelemetry]] | None = None
+        self.loop = make_loop(self._cycle, 1.0 / self.rate, "control", self.priority)
         self._follower = PhaseFollower(self.loop) if self._declared["loop.align"] else None
         gc.collect()
         gc.freeze()
         self.loop.start()
+
+    @property
+    def rate(self) -> float:
+        """Cycles per second [Hz]."""
+        return self._declared.number("loop.rate")
+
+    @property
+    def priority(self) -> int:
+        """Requested real-time priority of the loop."""
+        return int(self._declared.number("loop.realtime_priority"))
 
     def _joint_names_given(self) -> list[str]:
         if not self.has_parameter("joints"):
@@ -205,17 +230,17 @@ class ControllerNode(Node):  # type: ignore[misc]
             f"pressure loop {settings.pressure_gain:.1f} 1/s"
         )
         for channel in self._controller.channels:
-            gains = settings.gains[channel.joint.name]
+            name, own = channel.models.name, channel.setup.settings
+            gains = channel.setup.gains.at(own.default_stiffness)
             self.get_logger().info(
-                f"{channel.joint.name}: proportional {gains.proportional:.4g}, integral "
+                f"{name}: proportional {gains.proportional:.4g}, integral "
                 f"{gains.integral:.4g}, derivative {gains.derivative:.4g}; "
-                f"worst {channel.margins[0]}"
+                f"worst {channel.setup.margins[0]}"
             )
-            own = channel.scale.complete(settings)
             self.get_logger().info(
-                f"{channel.joint.name}: stiffness {own.default_stiffness:.3g} N m/rad until one is "
-                f"commanded, at most {channel.scale.stiffness:.3g} in the middle of the range; "
-                f"learns up to {own.adaptation_limit:.3g} N m"
+                f"{name}: stiffness {own.default_stiffness:.3g} N m/rad until one is "
+                f"commanded, at most {channel.models.scale.stiffness:.3g} in the middle of the "
+                f"range; learns up to {own.adaptation_limit:.3g} N m"
             )
 
     def _now(self) -> float:
@@ -232,100 +257,6 @@ class ControllerNode(Node):  # type: ignore[misc]
         stamped = float(stamp.sec + 1e-9 * stamp.nanosec)
         return self._now() - (time.time() - stamped)
 
-    # --- messages in ----------------------------------------------------------------------------
-
-    def _on_trajectory(self, data: bytes) -> None:
-        """A stop at once; the plan of a motion takes seconds if it has many points."""
-        most = int(self._changes.values["trajectory.max_points"])
-        if is_stop(data):
-            self.intake.trajectory(data, most, self._start_of)
-            return
-        with self.intake.rejecting("joint_trajectory"):
-            if self._planning.full:
-                raise CommandError("trajectory rejected: too many others are being planned")
-            ticket = self.intake.ticket
-            self._planning.submit(
-                lambda: self._followed(data, most, ticket), self._on_trajectory_read
-            )
-
-    def _followed(self, data: bytes, most: int, ticket: int) -> str:
-        """Follow a trajectory; return why it cannot be read, if so."""
-        try:
-            self.intake.trajectory(data, most, self._start_of, ticket)
-        except MalformedMessageError as error:
-            return str(error)
-        return ""
-
-    def _on_trajectory_read(self, malformed: str) -> None:
-        if malformed:
-            self._trajectories.callback.refuse(malformed)
-
-    def _start_of(self, message: TrajectoryMessage) -> float | None:
-        return self._seconds(Time(sec=message.seconds, nanosec=message.nanoseconds))
-
-    def _on_stream(self, message: Any) -> None:
-        self.intake.stream(list(message.name), list(message.position), list(message.velocity))
-
-    def _on_stiffness(self, message: Any) -> None:
-        """At once, unless limits of motion for this stiffness have to be computed."""
-        values = list(message.data)
-        if not self._foreseeing.busy and self._controller.foresees(values):
-            self.intake.stiffness(values)
-            return
-        with self.intake.rejecting("stiffness_commands"):
-            if self._foreseeing.full:
-                raise CommandError("stiffness command rejected: too many others wait")
-            self._foreseeing.submit(
-                lambda: self._controller.foresee_stiffness(values),
-                lambda _: self.intake.stiffness(values),
-            )
-
-    def _on_torque(self, message: Any) -> None:
-        self.intake.torque(list(message.data))
-
-    def _on_stop(self, _: Any, response: Any) -> Any:
-        """Stop category 2: brake and hold."""
-        return self._act(response, self._controller.stop, "braking; the joints are held")
-
-    def _on_lower(self, _: Any, response: Any) -> Any:
-        """Stop category 1: brake, let the air out slowly, vent by the driver."""
-        took = f"lowering, takes about {self._controller.settings.lowering_time:g} s"
-        return self._act(response, self._controller.lower, took)
-
-    def _act(self, response: Any, act: Callable[[float], None], done: str) -> Any:
-        with self._lock:
-            response.success = bool(self._controller.active)
-            response.message = done if response.success else f"nothing moves: {self._reason}"
-            if response.success:
-                act(self._now())
-                self.intake.supersede()
-        self.get_logger().warning(response.message)
-        return response
-
-    def _on_save(self, _: Any, response: Any) -> Any:
-        """Write a copy of the rig file with what was learnt."""
-        try:
-            if self._controller.guard.softened:
-                raise PamError("nothing is learnt with soft gains, which are used until the next "
-                               f"vent: {self._controller.guard.softened}")  # fmt: skip
-            if not self._controller.adapts:
-                raise PamError("nothing is learnt: adaptation.enabled is false, or the law is "
-                               "not model_based")  # fmt: skip
-            path = kept_file(self._changes.values, "adaptation.rig_file")
-            if path is None:
-                raise PamError("set the parameter adaptation.rig_file to the file to be written")
-            if self._writing.full:
-                raise PamError("other files are being written")
-            with self._lock:
-                learnt = [learnt_of(channel) for channel in self._controller.channels]
-            made = adapted_rig(self.rig, learnt)
-            self._writing.submit(lambda: _written(made, path), self.get_logger().info)
-            response.message, response.success = f"being written: {path}; the log says when", True
-        except PamError as error:
-            response.message, response.success = str(error), False
-        self.get_logger().info(f"save_adapted_rig: {response.message}")
-        return response
-
     def _vent_driver(self, reason: str) -> None:
         """Ask the driver to vent, after commands have stopped for good.
 
@@ -334,44 +265,10 @@ class ControllerNode(Node):  # type: ignore[misc]
         it.
         """
         self.get_logger().error(f"stopped: {reason}; asking the driver to vent")
-        if self._vent.service_is_ready():
-            self._vent.call_async(Trigger.Request())
-
-    def _on_driver_state(self, message: Any) -> None:
-        """Follow the driver: while it takes no commands, references are dropped and refused.
-
-        When it takes commands again, or was activated again, the next cycle takes over the joints
-        where they are.
-        """
-        with self._lock:
-            if self.rig.people.full_speed_topic:
-                self._controller.reduce_speed(not permits_full_speed(message), self._now())
-            self._driver_reason = reason_against_commands(message)
-            self._health.driver = self._driver_reason or "takes commands"
-            before, self._activation = self._activation, activation_of(message)
-            if self._driver_reason or self._activation != before:
-                self._drop(self._driver_reason or "the driver was activated again")
-                self._reason = self._driver_reason
-
-    def _on_lost_driver_state(self) -> None:
-        """A state in which the driver takes no commands may have been among those lost."""
-        with self._lock:
-            self._drop("more messages of the driver's state arrived at once than are kept")
-
-    def _drop(self, reason: str) -> None:
-        """Drop what the controller follows; the lock is held.
-
-        This holds although the next message, taken in the same cycle, says that all is well.
-        """
-        self._controller.drop_commands()
-        self.intake.supersede()
-        self._action.drop(reason)
+        self._link.vent()
 
     def _reason_against_references(self) -> str:
-        """Why no references are taken; empty if they are."""
-        if not self._controller.active:
-            return f"the controller is not active: {self._reason}"
-        return str(self._controller.reason_against_references())
+        return self._driver.reason_against_references()
 
     def set_parameters_atomically(self, parameter_list: Any) -> Any:
         """As the services for parameters call it; the answer says what is being designed."""
@@ -395,23 +292,22 @@ class ControllerNode(Node):  # type: ignore[misc]
 
     def _cycle(self, _: float) -> None:
         with _unless_ending():
-            self._control()
+            self.control()
+            self.publish()
 
-    def _control(self) -> None:
-        inputs = self._inputs
-        inputs.poll()
+    def control(self) -> None:
+        """The part of a cycle that the valves wait for: measurements to commands."""
+        self._sent = None
+        self._measurement = measurement = self._link.receive()
         if self._follower is not None:
-            self._follower.follow(time.time() - inputs.arrival)
+            self._follower.follow(time.time() - self._link.arrival)
         now = self._now()
-        measurement = Measurement(
-            inputs.positions, inputs.pressures, inputs.position_time, inputs.pressure_time
-        )
         with self._lock:
-            if self._driver_reason:
+            if self._driver.reason:
                 return
             guard = self._controller.guard
             before = (guard.stopped, guard.softened)
-            guard.stopped = guard.stopped or inputs.two_publishers()
+            guard.stopped = guard.stopped or self._link.two_publishers()
             try:
                 output = self._controller.step(now, measurement)
                 commands, reason = output.commands, output.reason
@@ -421,13 +317,19 @@ class ControllerNode(Node):  # type: ignore[misc]
             if commands is not None:
                 self._action.observe(now)
             after = (guard.stopped, guard.softened)
-        self._reason = reason
+        self._driver.silence = reason
         if after != before:
             self._tell_guard(*after)
         if commands is None:
             return
-        self._topics.publish(time.time_ns(), commands, self._controller.channels)
-        self._health.count((now - inputs.position_time, now - inputs.pressure_time))
+        self._sent = sent_at, _ = time.time_ns(), output.joints
+        self._link.send(sent_at, commands)
+        self._health.count((now - measurement.position_time, now - measurement.pressure_time))
+
+    def publish(self) -> None:
+        """The rest of a cycle: what observers hear of it."""
+        if self._sent is not None:
+            self._topics.publish(*self._sent)
 
     def _tell_guard(self, stopped: str, softened: str) -> None:
         if stopped:
@@ -459,9 +361,9 @@ class ControllerNode(Node):  # type: ignore[misc]
 
     def _report(self) -> None:
         now = self._now()
-        ages = (now - self._inputs.position_time, now - self._inputs.pressure_time)
+        ages = (now - self._measurement.position_time, now - self._measurement.pressure_time)
         law = str(self._changes.values["law"])
-        statuses = self._health.statuses(now, self._reason, law, self.loop, ages)
+        statuses = self._health.statuses(now, self._driver.silence, law, self.loop, ages)
         with _unless_ending():
             stamp = self.get_clock().now().to_msg()
             self._health_out.publish(
@@ -475,13 +377,6 @@ class ControllerNode(Node):  # type: ignore[misc]
         finally:
             self._design_process.close()
             super().destroy_node()
-
-
-def _written(made: AdaptedRig, path: Path) -> str:
-    try:
-        return f"save_adapted_rig: {save_adapted_rig(made, path)}"
-    except PamError as error:
-        return f"save_adapted_rig: not written: {error}"
 
 
 @contextlib.contextmanager

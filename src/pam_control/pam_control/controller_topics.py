@@ -1,4 +1,4 @@
-"""The topics that the controller node publishes in its cycle: valve commands and telemetry."""
+"""The telemetry that the controller node publishes at the end of its cycle."""
 
 from __future__ import annotations
 
@@ -6,11 +6,9 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from pam_control.joint_channel import JointChannel
+from pam_control.control_step import JointTelemetry
 from pam_model.rig import Rig
 from pam_ros.joint_state_publisher import JointStatePublisher
-from pam_ros.message_sources import source_of
-from pam_ros.valve_command import ValveCommandFormat
 
 
 class ControllerTopics:
@@ -27,38 +25,28 @@ class ControllerTopics:
     """
 
     def __init__(self, node: Any, rig: Rig, telemetry_every: int) -> None:
-        self._joints, self._muscles = rig.joint_names, rig.muscle_names
-        self._format = ValveCommandFormat(rig.valve_kinds)
+        self._joints = rig.joint_names
         self._telemetry_every = telemetry_every
         self._cycles = 0
-        # the driver recognises two publishers by it, also two controllers of one name
-        self._commands = JointStatePublisher(node, "valve_commands", 1, source_of(node))
         self._reference = JointStatePublisher(node, "~/reference", 1)
         self._error = JointStatePublisher(node, "~/error", 1)
         self._disturbance = JointStatePublisher(node, "~/disturbance", 1)
 
-    def publish(
-        self, stamp: int, commands: Sequence[float], channels: Sequence[JointChannel]
-    ) -> None:
-        """Publish the result of one cycle.
+    def publish(self, stamp: int, telemetry: Sequence[JointTelemetry]) -> None:
+        """Publish what one cycle followed, if it is its turn.
 
         Parameters
         ----------
         stamp : int
-            The present time, since 1970 [ns].
-        commands : sequence of float
-            One for each muscle of the rig.
-        channels : sequence of JointChannel
-            The joints with their telemetry.
+            When the commands of the cycle were computed, since 1970 [ns].
+        telemetry : sequence of JointTelemetry
+            Of the joints.
         """
-        position, effort = self._format.pack(commands)
-        self._commands.publish(stamp, self._muscles, position, effort=effort)
         self._cycles += 1
         if self._cycles % self._telemetry_every == 0:
-            self._publish_telemetry(stamp, channels)
+            self._publish_telemetry(stamp, telemetry)
 
-    def _publish_telemetry(self, stamp: int, channels: Sequence[JointChannel]) -> None:
-        telemetry = [channel.telemetry for channel in channels]
+    def _publish_telemetry(self, stamp: int, telemetry: Sequence[JointTelemetry]) -> None:
         if self._reference.heard():
             self._reference.publish(
                 stamp,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from pam_control.joint_channel import JointChannel
+from pam_control.joint_models import JointModels
 from pam_control.references.motion_limiter import REFERENCE_SHARE, MotionLimits
 from pam_control.valve_limits import JERK_SHARE, ValveDemand
 from pam_model.errors import PamError
@@ -28,29 +28,29 @@ class DrivableLimits:
         self._robot = robot
         self._known: dict[tuple[str, int], MotionLimits] = {}
 
-    def at(self, channel: JointChannel, stiffness: float, *, reduced: bool = False) -> MotionLimits:
+    def at(self, models: JointModels, stiffness: float, *, reduced: bool = False) -> MotionLimits:
         """The limits of a joint at about this stiffness [N m/rad], perhaps at reduced speed."""
-        limits = self._at(channel, stiffness)
+        limits = self._at(models, stiffness)
         if not reduced:
             return limits
-        velocity = REFERENCE_SHARE * channel.joint.reduced_velocity
+        velocity = REFERENCE_SHARE * models.joint.reduced_velocity
         return replace(limits, velocity=min(velocity, limits.velocity))
 
-    def knows(self, channel: JointChannel, stiffness: float) -> bool:
+    def knows(self, models: JointModels, stiffness: float) -> bool:
         """Whether the limits at this stiffness [N m/rad] were computed before."""
-        return _key(channel, stiffness) in self._known
+        return _key(models, stiffness) in self._known
 
-    def _at(self, channel: JointChannel, stiffness: float) -> MotionLimits:
-        key = _key(channel, stiffness)
+    def _at(self, models: JointModels, stiffness: float) -> MotionLimits:
+        key = _key(models, stiffness)
         if key not in self._known:
-            self._known[key] = self._limits(channel, math.exp(STIFFNESS_STEP * key[1]))
+            self._known[key] = self._limits(models, math.exp(STIFFNESS_STEP * key[1]))
         return self._known[key]
 
-    def _limits(self, channel: JointChannel, stiffness: float) -> MotionLimits:
-        joint = channel.joint
+    def _limits(self, models: JointModels, stiffness: float) -> MotionLimits:
+        joint = models.joint
         velocity = REFERENCE_SHARE * joint.max_velocity
         try:
-            demand = ValveDemand(self._robot, channel, stiffness)
+            demand = ValveDemand(self._robot, models, stiffness)
         except PamError:  # the muscles cannot hold the joint, so that nothing is known
             return MotionLimits(velocity, joint.max_acceleration)
         own_velocity, own_acceleration, own_jerk = demand.everywhere()
@@ -65,6 +65,6 @@ class DrivableLimits:
         )
 
 
-def _key(channel: JointChannel, stiffness: float) -> tuple[str, int]:
+def _key(models: JointModels, stiffness: float) -> tuple[str, int]:
     step = round(math.log(max(stiffness, LEAST_STIFFNESS)) / STIFFNESS_STEP)
-    return channel.joint.name, step
+    return models.name, step

@@ -1,205 +1,137 @@
-"""One joint inside a controller: its models, its state and the telemetry of its last step."""
+"""One joint under control: what holds for it, the state between its cycles, and one cycle."""
 
 from __future__ import annotations
 
+import dataclasses
 import math
-from collections import deque
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
-from pam_control.adaptation.stiffness_estimate import StiffnessEstimate
-from pam_control.adaptation.torque_adaptation import TorqueAdaptation
-from pam_control.compensation.history_torque import HistoryTorque
-from pam_control.compensation.inverse_dynamics import InverseDynamics
-from pam_control.feedback.disturbance_observer import AlignedPressures, DisturbanceObserver
-from pam_control.feedback.margins import Margins
-from pam_control.feedback.pid import Pid
-from pam_control.feedback.pressure_loop import create_pressure_loop
-from pam_control.feedback.stuck_integral import StuckIntegral
+from pam_control.control_step import (
+    JointTelemetry,
+    Measurement,
+    Moment,
+    Motion,
+    PlanRequest,
+    PressurePlan,
+)
+from pam_control.feedback.pid import Pid, PidGains
+from pam_control.feedback.pressure_loop import (
+    PressureDemand,
+    PressureLoopSettings,
+    create_pressure_loop,
+)
 from pam_control.feedback.supply_reservoir import SupplyReservoir
-from pam_control.joint_scale import JointScale
-from pam_control.learning.motion_learner import MotionLearner
+from pam_control.joint_models import JointModels, Pair
+from pam_control.joint_setup import JointSetup
+from pam_control.laws.law import Guidance, GuideRequest, Start
 from pam_control.limited import limited
-from pam_control.references.spline import JointReference
-from pam_control.settings import ControlSettings
-from pam_model.joints.antagonistic_joint import AntagonisticJoint
-from pam_model.robot import Robot, RobotJoint
+from pam_control.references.reference_generator import ReferenceGenerator
 
-Pair = tuple[float, float]
-
-# Plans are kept until they are this much older than the last measurement [s]: a rate is computed
-# over one control cycle (20 ms at the slowest rate), and measurements may arrive out of order.
-KEPT_BEFORE_MEASUREMENT = 0.1
-# Of max_pressure, above which the driver vents: pressure loops overshoot by 1 %, and noise adds.
-PRESSURE_SHARE = 0.97
+SATURATED = frozenset({"torque", "pressure_rate", "valve"})  # what limits the torque
 
 
-@dataclass(slots=True)
-class Plan:
-    """Desired pressures of the feedforward at one time.
+class Cycle(NamedTuple):
+    """What a cycle is for all joints.
 
     Attributes
     ----------
-    time : float
-        Time when the later valve acts [s].
-    pressures : (float, float)
-        Gauge pressures of agonist and antagonist [Pa].
-    stiffness : float
-        [N m/rad].
-    memory_torque : float
-        Joint torque of `known`, without what was learnt [N m].
-    known : float
-        Joint torque due to hysteresis and creep of the muscles and to dry friction [N m].
+    time, step : float
+        Present time, and time since the last cycle [s].
+    measurement : Measurement
+        Corrected by what the rig file says about the sensors.
+    references : ReferenceGenerator
+        Gives the references of all joints.
+    sinking : float or None
+        Share of the pressures that is left while the air is let out slowly [-]; None otherwise.
     """
 
     time: float
-    pressures: Pair
-    stiffness: float
-    memory_torque: float
-    known: float
-
-
-@dataclass(slots=True)
-class JointTelemetry:
-    """Telemetry of one joint from the last control step.
-
-    Attributes
-    ----------
-    reference : JointReference
-        Reference at the time of measurement.
-    error : float
-        Reference minus measured position [rad].
-    torque, stiffness : float
-        Desired values [N m], [N m/rad].
-    torque_reached, stiffness_reached : float
-        Values that the desired pressures give [N m], [N m/rad].
-    pressures : (float, float)
-        Desired gauge pressures [Pa].
-    disturbance : float
-        Torque on the joint that its model does not explain [N m], observed or learnt; NaN if
-        neither is asked for.
-    clipped : tuple of str
-        What was limited: "torque", "stiffness", "pressure_rate", "valve".
-    """
-
-    reference: JointReference = field(default_factory=lambda: JointReference(math.nan))
-    error: float = math.nan
-    torque: float = math.nan
-    stiffness: float = math.nan
-    torque_reached: float = math.nan
-    stiffness_reached: float = math.nan
-    pressures: Pair = (math.nan, math.nan)
-    disturbance: float = math.nan
-    clipped: tuple[str, ...] = ()
+    step: float
+    measurement: Measurement
+    references: ReferenceGenerator
+    sinking: float | None
 
 
 class JointChannel:
-    """Models of one joint, and its state between control steps."""
+    """One joint under control.
 
-    def __init__(
-        self,
-        robot: Robot,
-        joint: RobotJoint,
-        min_pressure: float,
-        reservoir: SupplyReservoir | None = None,
-    ) -> None:
-        self.joint = joint
-        self.model = AntagonisticJoint.from_robot(
-            robot, joint, min_pressure=min_pressure, pressure_share=PRESSURE_SHARE
-        )
-        self.dynamics = InverseDynamics.from_joint(joint)
-        self.indices = joint.muscles
-        self.muscles = tuple(robot.muscles[place] for place in joint.muscles)
-        self.history = HistoryTorque(self.muscles, joint.arms[0].length, self.dynamics.dry_friction)
-        self.valve_time_constants = tuple(m.valve.time_constant for m in self.muscles)
-        self.command_delays = tuple(m.valve.command_delay for m in self.muscles)
-        # a lag well above the pressure loop's crossover acts as a delay
-        self.pressure_lag = max(m.pressure_lag for m in self.muscles)
-        self.position_delay = joint.position_delay
-        self.pid = Pid()
-        self.observer = DisturbanceObserver(
-            self.dynamics.inertia, self.dynamics.viscous_friction, self.pressure_lag
-        )
-        self.aligned = AlignedPressures(self.position_delay + KEPT_BEFORE_MEASUREMENT)
-        self.scale = JointScale.of(joint, self.model)
-        turn = joint.place / len(robot.joints)
-        self.adaptation = TorqueAdaptation(
-            self.dynamics.inertia, self.dynamics.viscous_friction, self.scale.torque, turn
-        )
-        self.stiffness = StiffnessEstimate(
-            robot.rig,
-            robot.rig.joints[joint.place],
-            self.model,
-            self.dynamics,
-            self.scale.torque,
-            turn + 0.5 / len(robot.joints),
-        )
-        self.stiffness_goal = self.stiffness_factor = 1.0
-        self.corrected_at = -math.inf
-        self.stuck = StuckIntegral()
-        reservoir = reservoir or SupplyReservoir(robot)
+    Nobody else changes its state.
+
+    Parameters
+    ----------
+    models : JointModels
+        What holds for the joint.
+    reservoir : SupplyReservoir
+        From which all valves of the robot draw.
+    setup : JointSetup
+        What is in force at the start.
+
+    Attributes
+    ----------
+    models : JointModels
+        What holds for the joint.
+    loops : tuple of PressureLoop
+        Of agonist and antagonist, with what was learnt of their valves.
+    """
+
+    def __init__(self, models: JointModels, reservoir: SupplyReservoir, setup: JointSetup) -> None:
+        self.models = models
         self.loops = tuple(
-            create_pressure_loop(robot, muscle, gas_space, reservoir)
+            create_pressure_loop(models.robot, muscle, gas_space, reservoir)
             for muscle, gas_space in zip(
-                self.muscles, (self.model.agonist, self.model.antagonist), strict=True
+                models.muscles, (models.model.agonist, models.model.antagonist), strict=True
             )
         )
-        self.learner: MotionLearner | None = None
-        self.adapted = 0.0  # learnt torque of the newest plan [N m]
-        self.telemetry = JointTelemetry()
-        self.margins: list[Margins] = []
-        self.acting_delays: Pair = (0.0, 0.0)  # see the function below; of the present settings
-        self.plans: deque[Plan] = deque()  # oldest first
-        self.desired: Pair = (math.nan, math.nan)
-        self.shown: Pair = (0.0, 0.0)  # plan as sensors with a lag show it [Pa]
-        self.position = math.nan
-        self.velocity = 0.0
-        self.position_time = math.nan
-        self._lagging: Pair = (math.nan, math.nan)
-        self.valve_clipped = False
-        self.yields = False  # its law lets others move the joint: an error is no fault
-        self.driven = False  # by torques, so that there is no reference
-        self.sinking_from: Pair | None = None  # desired pressures when the lowering began [Pa]
-        self.sinking_share = 1.0
+        self._setup = setup
+        self._pid = Pid()
+        self._motion = Motion()
+        self._desired: Pair = (math.nan, math.nan)
+        self._sinking_from: Pair | None = None  # desired pressures when the lowering began [Pa]
+        self._state = setup.law.init(models)
+        self._telemetry = JointTelemetry()
 
-    def reset(self) -> None:
-        """Reset the state."""
-        self.pid.reset()
-        self.observer.reset()
-        self.aligned.reset()
-        self.adaptation.restart()
-        self.stiffness.restart()
-        self.stuck.reset()
-        self.corrected_at = -math.inf
-        self.adapted = 0.0
-        if self.learner is not None:
-            self.learner.interrupt()
-        self.plans.clear()
-        self.history.reset()
-        self.position = self.position_time = math.nan
-        self.velocity = 0.0
-        self._lagging = (math.nan, math.nan)
-        self.valve_clipped = False
-        for loop in self.loops:
-            loop.reset()
+    # --- what others may read ------------------------------------------------------------------
 
-    def forget_adaptation(self) -> None:
-        """Forget what was learnt of the joint and its valves."""
-        self.adaptation.forget()
-        self.stiffness.forget()
-        self.stiffness_goal = self.stiffness_factor = 1.0
-        self.corrected_at = -math.inf
-        for loop in self.loops:
-            loop.forget_adaptation()
+    @property
+    def setup(self) -> JointSetup:
+        """What is in force."""
+        return self._setup
+
+    @property
+    def telemetry(self) -> JointTelemetry:
+        """Of the last cycle."""
+        return self._telemetry
+
+    @property
+    def motion(self) -> Motion:
+        """The latest measured motion."""
+        return self._motion
+
+    @property
+    def law_state(self) -> Any:
+        """State of the control law, which alone knows what it contains."""
+        return self._state
+
+    @property
+    def gains(self) -> PidGains:
+        """Of the feedback at the present stiffness."""
+        return self._setup.gains.at(self._setup.law.stiffness(self._state))
+
+    @property
+    def integral(self) -> float:
+        """Of the feedback, in the unit of its output."""
+        return self._pid.integral
 
     @property
     def late_position(self) -> float:
         """Learnt delay of the positions, in addition to the stated one [s]."""
-        return max(self.adaptation.delay, 0.0)
+        return max(self._setup.law.delay(self._state), 0.0)
 
     @property
     def late_pressures(self) -> float:
         """Learnt delay of the pressures, in addition to the stated one [s]."""
-        return max(-self.adaptation.delay, 0.0)
+        return max(-self._setup.law.delay(self._state), 0.0)
 
     @property
     def late_commands(self) -> Pair:
@@ -211,117 +143,219 @@ class JointChannel:
         first, second = self.loops
         return max(first.late - pressures, 0.0), max(second.late - pressures, 0.0)
 
-    def inside(self, position: float) -> float:
-        """The position [rad] limited to the range of the muscles' models."""
-        low, high = self.model.position_range
-        return limited(position, low, high)
+    # --- changes -------------------------------------------------------------------------------
 
-    def measure(self, position: float, time: float, velocity_filter: float) -> float:
-        """Store a measured position; return the time since the last new sample [s], 0 if none."""
-        if math.isnan(self.position_time):
-            self.position, self.position_time = position, time
-            return 0.0
-        step = time - self.position_time
-        if step <= 0.0:
-            return 0.0
-        weight = step / (velocity_filter + step)
-        self.velocity += weight * ((position - self.position) / step - self.velocity)
-        self.position, self.position_time = position, time
-        return step
+    def use(self, setup: JointSetup) -> None:
+        """Use another setup from the next cycle on."""
+        self._setup = setup
 
-    def lagging(self, step: float) -> Pair:
-        """Position [rad] and speed [rad/s] with the lag of the pressure sensors, so that both fit.
+    def forget_adaptation(self) -> None:
+        """Forget what was learnt of the joint and its valves."""
+        self._state = self._setup.law.forget(self.models, self._state)
+        for loop in self.loops:
+            loop.forget_adaptation()
+
+    def take_over(self, position: float, pressures: Pair) -> None:
+        """Begin at a measured position [rad], and keep the pressures [Pa] at first."""
+        if self._setup.learner is not None:
+            self._setup.learner.interrupt()
+        self._motion, self._sinking_from = Motion(), None
+        for loop in self.loops:
+            loop.reset()
+        self._state = self._setup.law.rest(self.models, self._state)
+        self._desired = pressures
+        self._begin(position)
+
+    def begin_again(self) -> None:
+        """Let the law begin anew from the pressures that the joint is desired to have."""
+        self._begin(self._motion.position)
+
+    def _begin(self, position: float) -> None:
+        start = self._start(position)
+        output, self._state = self._setup.law.begin(self.models, self._state, start)
+        self._pid.reset(output)
+
+    def resume(self) -> None:
+        """Go on with a changed setup from the pressures that the joint is desired to have."""
+        gains = self.gains
+        found = self._setup.law.resume(self.models, self._state, self._start(self._motion.position))
+        if found is None:
+            self.begin_again()
+            output = self._pid.integral
+        else:
+            output, self._state = found
+        self._pid.continue_at(output, self._telemetry.error, gains)
+
+    def _start(self, position: float) -> Start:
+        setup = self._setup
+        return Start(
+            position,
+            self._desired,
+            setup.settings,
+            self.gains,
+            setup.adapts,
+            self._telemetry.reference,
+        )
+
+    def guide(self, step: float, active: bool, held: bool, torque: float | None) -> Guidance:
+        """What the law asks of the reference before a cycle; see `GuideRequest`."""
+        request = GuideRequest(step, active, held, torque, self._motion, self._setup.settings)
+        guidance, self._state = self._setup.law.guide(self.models, self._state, request)
+        return guidance
+
+    # --- one cycle -----------------------------------------------------------------------------
+
+    def step(self, cycle: Cycle, stiffness: float, torque: float | None) -> Pair:
+        """One cycle; returns the commands of agonist and antagonist.
 
         Parameters
         ----------
-        step : float
-            Time since the last new position [s]; 0 if there is none.
+        cycle : Cycle
+            The present one.
+        stiffness : float
+            Commanded [N m/rad].
+        torque : float or None
+            Commanded [N m]; None if no torque is commanded.
         """
-        position, speed = self._lagging
-        if self.pressure_lag == 0.0 or math.isnan(position):
-            self._lagging = self.position, self.velocity
-        else:
-            weight = step / (self.pressure_lag + step)
-            self._lagging = (
-                position + weight * (self.position - position),
-                speed + weight * (self.velocity - speed),
-            )
-        return self._lagging
-
-    def remember(self, plan: Plan, measured_at: float) -> None:
-        """Add a plan and delete plans that are too much older than the last measurement [s].
-
-        Plans are deleted by age, not by number, because the delays of sensors and valves are given
-        in seconds and the control cycle may be as short as 0.5 ms.
-        """
-        self.plans.append(plan)
-        while len(self.plans) > 2 and self.plans[1].time < measured_at - KEPT_BEFORE_MEASUREMENT:
-            self.plans.popleft()
-
-    def planned_rates(self, times: Pair) -> Pair:
-        """Rates [Pa/s] of the planned pressures at the time [s] at which each valve acts.
-
-        The rate is the backward difference over the last control cycle. It is 0 if there are fewer
-        than two plans or if the last plan is not later than the one before it.
-        """
-        if len(self.plans) < 2:
-            return 0.0, 0.0
-        span = self.plans[-1].time - self.plans[-2].time
-        if span <= 0.0:
-            return 0.0, 0.0
-        now = self.pressures_at(times)
-        before = self.pressures_at((times[0] - span, times[1] - span))
-        return (now[0] - before[0]) / span, (now[1] - before[1]) / span
-
-    def pressures_at(self, times: Pair) -> Pair:
-        """Planned pressures [Pa] at the time [s] of each muscle."""
-        first, second = times
-        pressures = self.plan_at(first).pressures
-        if second == first:
-            return pressures
-        return pressures[0], self.plan_at(second).pressures[1]
-
-    def shown_plan(self, time: float, step: float) -> Pair:
-        """Planned pressures [Pa] that sensors show which lag behind `time` [s] by their lag."""
-        if self.pressure_lag == 0.0:
-            return self.plan_at(time).pressures
-        weight = step / (self.pressure_lag + step)
-        first, second = self.plan_at(time + self.pressure_lag).pressures
-        self.shown = (
-            self.shown[0] + weight * (first - self.shown[0]),
-            self.shown[1] + weight * (second - self.shown[1]),
+        setup, models = self._setup, self.models
+        settings, gains, name = setup.settings, self.gains, models.name
+        measurement, references = cycle.measurement, cycle.references
+        position = measurement.positions[models.joint.place]
+        first, second = models.joint.muscles
+        pressures = (
+            self.loops[0].inside(measurement.pressures[first], cycle.step),
+            self.loops[1].inside(measurement.pressures[second], cycle.step),
         )
-        return self.shown
+        measured_at = measurement.pressure_time - settings.measurement_delay
+        seen_at = measurement.position_time - settings.measurement_delay
+        seen, now, acts = self._moments(cycle, measured_at, seen_at)
+        if setup.learner is not None:
+            setup.learner.follow(references.spline(name))
+        before = self._motion
+        self._motion = before.measured(
+            position, measurement.position_time, settings.derivative_filter
+        )
+        fresh = self._motion.time - before.time if self._motion.time > before.time else 0.0
+        error = seen.reference.position - position
+        output = self._pid.output(error, fresh, gains)
+        plan = self._sinking(cycle.sinking)
+        if plan is None:
+            request = PlanRequest(
+                cycle.step,
+                settings,
+                gains,
+                output,
+                self._pid.integral,
+                stiffness,
+                torque,
+                self._motion,
+                fresh,
+                pressures,
+                self._desired,
+                measured_at,
+                seen,
+                now,
+                acts,
+                references.motion[name],
+                setup.adapts,
+                setup.learner,
+            )
+            plan, self._state = setup.law.plan(models, self._state, request)
+            self._pid.integral = plan.integral
+        clipped = list(plan.telemetry.clipped)
+        reach = settings.pressure_rate * cycle.step
+        wanted, desired = plan.reference, self._desired
+        self._desired = (
+            limited(wanted[0], desired[0] - reach, desired[0] + reach),
+            limited(wanted[1], desired[1] - reach, desired[1] + reach),
+        )
+        if self._desired != wanted:
+            clipped.append("pressure_rate")
+        commands, valve_clipped = self._valves(cycle, plan, seen, acts, pressures, measured_at)
+        if valve_clipped:
+            clipped.append("valve")
+        self._pid.integrate(
+            error,
+            cycle.step,
+            gains,
+            missed=plan.missed,
+            limit=setup.integral_limit,
+            # a stiffness out of reach costs no torque, so that the integrator may go on
+            frozen=cycle.sinking is not None
+            or (plan.missed == 0.0 and bool(clipped) and not SATURATED.isdisjoint(clipped)),
+        )
+        self._telemetry = JointTelemetry(
+            seen.reference,
+            self._motion,
+            error,
+            self._desired,
+            tuple(clipped),
+            self.loops[0].behind_tube + self.loops[1].behind_tube,
+            plan.telemetry,
+        )
+        return commands
 
-    def plan_at(self, time: float) -> Plan:
-        """Plan for `time` [s]: linear interpolation between the plans, constant outside them.
+    def _moments(
+        self, cycle: Cycle, measured_at: float, seen_at: float
+    ) -> tuple[Moment, Moment, tuple[Moment, Moment]]:
+        """When the position was seen, when the pressures were true, and when the valves act."""
+        models, sample, name = self.models, cycle.references.sample, self.models.name
+        now_at = measured_at - models.pressure_lag - self.late_pressures
+        seen_at -= models.position_delay
+        seen_at -= self.late_position
+        delays, late = self._setup.acting_delays, self.late_commands
+        acts = (cycle.time + delays[0] + late[0], cycle.time + delays[1] + late[1])
+        now = Moment(now_at, sample(name, now_at))
+        seen = now if seen_at == now_at else Moment(seen_at, sample(name, seen_at))
+        first = Moment(acts[0], sample(name, acts[0]))
+        second = first if acts[1] == acts[0] else Moment(acts[1], sample(name, acts[1]))
+        return seen, now, (first, second)
 
-        After the last plan it is that plan itself, with its own time.
-        """
-        later = self.plans[-1]
-        if later.time <= time:
-            return later
-        for earlier in reversed(self.plans):
-            if earlier.time <= time:
-                span = later.time - earlier.time
-                part = min((time - earlier.time) / span, 1.0) if span > 0.0 else 0.0
-                (a, b), (next_a, next_b) = earlier.pressures, later.pressures
-                return Plan(
-                    time,
-                    (a + part * (next_a - a), b + part * (next_b - b)),
-                    earlier.stiffness + part * (later.stiffness - earlier.stiffness),
-                    earlier.memory_torque + part * (later.memory_torque - earlier.memory_torque),
-                    earlier.known + part * (later.known - earlier.known),
-                )
-            later = earlier
-        return later
+    def _sinking(self, share: float | None) -> PressurePlan | None:
+        """The plan of a joint whose air is let out slowly; None for every other joint."""
+        if share is None:
+            self._sinking_from = None
+            return None
+        if self._sinking_from is None:
+            self._sinking_from = self._desired
+        (first, second), still = self._sinking_from, (0.0, 0.0)
+        telemetry = dataclasses.replace(self._telemetry.law, clipped=())
+        pressures = (share * first, share * second)
+        return PressurePlan(pressures, still, still, still, 0.0, self._pid.integral, telemetry)
 
-
-def acting_delays(channel: JointChannel, settings: ControlSettings) -> Pair:
-    """Time from a control cycle until each of a joint's valves acts, by the rig file [s]."""
-    soon = settings.command_delay + 0.5 * settings.period
-    first, second = (
-        soon + settings.lead_ratio * lag + delay
-        for lag, delay in zip(channel.valve_time_constants, channel.command_delays, strict=True)
-    )
-    return first, second
+    def _valves(
+        self,
+        cycle: Cycle,
+        plan: PressurePlan,
+        seen: Moment,
+        acts: Sequence[Moment],
+        pressures: Pair,
+        measured_at: float,
+    ) -> tuple[Pair, bool]:
+        """Commands of both valves, and whether one of them was limited."""
+        setup, models = self._setup, self.models
+        settings = setup.settings
+        loop_settings = PressureLoopSettings(
+            settings.pressure_gain or 0.0,
+            settings.lead_ratio,
+            settings.spool_limit,
+            setup.adapts,
+            cycle.time + max(setup.acting_delays) - measured_at + models.pressure_lag,
+        )
+        position, is_cut = cycle.measurement.positions[models.joint.place], False
+        commands = []
+        for side in (0, 1):
+            ahead = acts[side].reference.position - seen.reference.position
+            demand = PressureDemand(
+                self._desired[side],
+                plan.rate[side],
+                plan.ahead[side],
+                models.model.lengths(position + ahead)[side],
+                -models.joint.arms[side].length * plan.velocities[side],
+            )
+            command, cut = self.loops[side].command(
+                demand, pressures[side], loop_settings, cycle.step
+            )
+            commands.append(command)
+            is_cut = is_cut or cut
+        return (commands[0], commands[1]), is_cut

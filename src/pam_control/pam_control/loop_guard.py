@@ -5,6 +5,9 @@ stays until the driver has been vented, since the delay still exists. If the joi
 oscillates after a pause, or follows its reference with too large an error, the controller stops.
 The oscillation that a tube in front of a muscle causes until it is found also gets a pause to fade,
 because the pressure loops change then.
+
+Small swings about a target at rest bring the safe gains as well. They do not stop the controller:
+what the safe gains leave of them is no danger.
 """
 
 from __future__ import annotations
@@ -14,8 +17,10 @@ from collections import deque
 from collections.abc import Sequence
 from enum import Enum
 
+from pam_control.control_step import JointTelemetry
 from pam_control.feedback.loop_watch import OscillationWatch, TrackingWatch
-from pam_control.joint_channel import JointChannel
+from pam_control.feedback.rest_watch import RestWatch
+from pam_model.robot import RobotJoint
 
 PAUSE = 0.6  # s after softening or a tube; what is under way with the old loops fades in this time
 # A loop that stands still for a larger share of so long oscillates; a smaller one is tolerated,
@@ -37,8 +42,8 @@ class LoopGuard:
 
     Parameters
     ----------
-    channels : sequence of JointChannel
-        The joints.
+    joints : sequence of RobotJoint
+        The joints, with their limits.
 
     Attributes
     ----------
@@ -46,14 +51,15 @@ class LoopGuard:
         Why the safe gains are used, and why the controller has stopped; empty if it has not.
     """
 
-    def __init__(self, channels: Sequence[JointChannel]) -> None:
-        self._oscillation = [OscillationWatch(c.joint.max_velocity) for c in channels]
-        self._tracking = [TrackingWatch(c.joint.max_tracking_error) for c in channels]
-        self._channels = channels
+    def __init__(self, joints: Sequence[RobotJoint]) -> None:
+        self._oscillation = [OscillationWatch(joint.max_velocity) for joint in joints]
+        self._tracking = [TrackingWatch(joint.max_tracking_error) for joint in joints]
+        self._resting = [RestWatch() for _ in joints]
+        self._names = [joint.name for joint in joints]
         self._pause_until = -math.inf
         self._gaps: deque[tuple[float, float]] = deque()
-        self._tubes = [0 for _ in channels]  # muscles that were found to be behind one, by joint
-        self._fading_until = [-math.inf for _ in channels]
+        self._tubes = [0 for _ in joints]  # muscles that were found to be behind one, by joint
+        self._fading_until = [-math.inf for _ in joints]
         self.softened = self.stopped = ""
 
     def clear(self) -> None:
@@ -61,15 +67,17 @@ class LoopGuard:
         self.softened = self.stopped = ""
         self._pause_until = -math.inf
         self._gaps.clear()
-        self._tubes = [0 for _ in self._channels]
-        self._fading_until = [-math.inf for _ in self._channels]
+        self._tubes = [0 for _ in self._names]
+        self._fading_until = [-math.inf for _ in self._names]
         self.restart()
 
     def restart(self) -> None:
         """The joints were taken over: what was seen before belongs to another motion."""
-        for oscillation, tracking in zip(self._oscillation, self._tracking, strict=True):
+        watches = zip(self._oscillation, self._tracking, self._resting, strict=True)
+        for oscillation, tracking, resting in watches:
             oscillation.reset()
             tracking.reset()
+            resting.reset()
 
     def watch_gaps(self, time: float, gap: float, longest: float) -> str:
         """Stop a loop that stands still again and again; return why, or an empty text.
@@ -96,41 +104,52 @@ class LoopGuard:
             )
         return self.stopped
 
-    def _fades(self, index: int, time: float) -> bool:
+    def _fades(self, index: int, time: float, found: int) -> bool:
         """Whether the oscillation that a tube caused still fades; once for each muscle."""
-        found = sum(loop.behind_tube for loop in self._channels[index].loops)
         if found > self._tubes[index]:
             self._tubes[index], self._fading_until[index] = found, time + PAUSE
             self._oscillation[index].reset()
         return time < self._fading_until[index]
 
-    def judge(self, time: float, tracking_time: float, can_soften: bool) -> Verdict:
+    def judge(
+        self,
+        time: float,
+        joints: Sequence[JointTelemetry],
+        tracking_time: float,
+        can_soften: bool,
+    ) -> Verdict:
         """Judge the telemetry of a control cycle.
 
         Parameters
         ----------
         time : float
             Present time [s].
+        joints : sequence of JointTelemetry
+            Of the cycle.
         tracking_time : float
             How long a tracking error may be above its limit [s].
         can_soften : bool
             Whether there are safe gains.
         """
-        for index, (channel, oscillation, tracking) in enumerate(
-            zip(self._channels, self._oscillation, self._tracking, strict=True)
+        rests = all(_rests(joint) for joint in joints)
+        for index, (joint, oscillation, tracking) in enumerate(
+            zip(joints, self._oscillation, self._tracking, strict=True)
         ):
-            telemetry, name = channel.telemetry, channel.joint.name
-            error = 0.0 if channel.yields else telemetry.error
+            name, speed = self._names[index], joint.motion.velocity
+            error = 0.0 if joint.law.yields else joint.error
             lost = tracking.update(time, error, tracking_time)
             if lost:
                 self.stopped = f"{name}: {lost}"
                 return Verdict.STOP
-            if channel.driven:
-                wild = oscillation.too_fast(channel.velocity)
+            if joint.law.driven:
+                wild = oscillation.too_fast(speed)
             else:
-                wild = oscillation.update(time, telemetry.reference.velocity, channel.velocity)
-            if self._fades(index, time):
-                wild = oscillation.too_fast(channel.velocity)
+                wild = oscillation.update(time, joint.reference.velocity, speed)
+            if self._fades(index, time, joint.behind_tube):
+                wild = oscillation.too_fast(speed)
+            swings = self._resting[index].update(time, joint.motion.position, rests)
+            if not wild and can_soften and not self.softened:
+                wild = swings
             if not wild or time < self._pause_until:
                 continue
             if self.softened or not can_soften:
@@ -141,3 +160,9 @@ class LoopGuard:
             self.restart()
             return Verdict.SOFTEN
         return Verdict.NOTHING
+
+
+def _rests(joint: JointTelemetry) -> bool:
+    """Whether nothing but its own loop moves a joint: no motion, and nobody who leads it."""
+    still = joint.reference.velocity == 0.0 and joint.reference.acceleration == 0.0
+    return still and not joint.law.yields and not joint.law.driven

@@ -11,7 +11,7 @@ import math
 from collections.abc import Sequence
 from enum import Enum
 
-from pam_control.joint_channel import JointChannel
+from pam_control.control_step import JointTelemetry
 
 REST_SPEED = 0.05  # rad/s, of reference and joint; below it a joint counts as at rest
 LONGEST_BRAKING = 2.0  # s; after it the lowering begins in any case
@@ -31,20 +31,17 @@ class LoweringPhase(Enum):
 class Lowering:
     """The lowering of all joints.
 
-    Parameters
-    ----------
-    channels : sequence of JointChannel
-        The joints.
-
     Attributes
     ----------
     phase : LoweringPhase
         Where it is.
+    share : float or None
+        Share of the pressures that is left while they sink [-]; None otherwise.
     """
 
-    def __init__(self, channels: Sequence[JointChannel]) -> None:
-        self._channels = channels
+    def __init__(self) -> None:
         self.phase = LoweringPhase.OFF
+        self.share: float | None = None
         self._since = math.nan
 
     def start(self) -> None:
@@ -54,11 +51,15 @@ class Lowering:
 
     def cancel(self) -> None:
         """Forget the lowering; the joints have to be taken over where they are."""
-        self.phase = LoweringPhase.OFF
-        for channel in self._channels:
-            channel.sinking_from = None
+        self.phase, self.share = LoweringPhase.OFF, None
 
-    def advance(self, time: float, duration: float, pressures: Sequence[float]) -> None:
+    def advance(
+        self,
+        time: float,
+        duration: float,
+        joints: Sequence[JointTelemetry],
+        pressures: Sequence[float],
+    ) -> None:
         """Advance to `time` [s].
 
         Parameters
@@ -67,8 +68,10 @@ class Lowering:
             Present time [s].
         duration : float
             Time in which the desired pressures sink to 0 [s].
+        joints : sequence of JointTelemetry
+            Of the present cycle.
         pressures : sequence of float
-            Measured pressures of all muscles [Pa].
+            Measured pressures of the joints' muscles [Pa].
         """
         if self.phase in (LoweringPhase.OFF, LoweringPhase.DONE):
             return
@@ -76,20 +79,14 @@ class Lowering:
             self._since = time
         gone = time - self._since
         if self.phase is LoweringPhase.BRAKING:
-            if gone >= LONGEST_BRAKING or all(map(_rests, self._channels)):
-                self.phase, self._since = LoweringPhase.SINKING, time
-                for channel in self._channels:
-                    channel.sinking_from = channel.desired
-                    channel.sinking_share = 1.0
+            if gone >= LONGEST_BRAKING or all(map(_rests, joints)):
+                self.phase, self._since, self.share = LoweringPhase.SINKING, time, 1.0
             return
-        share = max(1.0 - gone / duration, 0.0)
-        for channel in self._channels:
-            channel.sinking_share = share
-        empty = all(pressures[i] < EMPTY for channel in self._channels for i in channel.indices)
-        if share == 0.0 and (empty or gone > duration + LONGEST_EMPTYING):
+        self.share = max(1.0 - gone / duration, 0.0)
+        empty = all(pressure < EMPTY for pressure in pressures)
+        if self.share == 0.0 and (empty or gone > duration + LONGEST_EMPTYING):
             self.phase = LoweringPhase.DONE
 
 
-def _rests(channel: JointChannel) -> bool:
-    reference = channel.telemetry.reference
-    return abs(reference.velocity) < REST_SPEED and abs(channel.velocity) < REST_SPEED
+def _rests(joint: JointTelemetry) -> bool:
+    return abs(joint.reference.velocity) < REST_SPEED and abs(joint.motion.velocity) < REST_SPEED

@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 from pam_control.controller import Controller
-from pam_control.controller_parameters import settings_from
+from pam_control.controller_parameters import law_from, settings_from
 from pam_control.loop_design import PreparedSettings
 from pam_model.errors import PamError
 from pam_ros.parameters import Value
@@ -88,9 +88,11 @@ class SettingChanges:
         asked = dict(self.values)
         for earlier in self._waiting:
             asked.update(earlier)
-        settings = settings_from({**asked, **changes}, self._controller.rig.joint_names)
-        if not self._waiting and self._controller.is_quick(settings):
-            self._use(changes, self._controller.prepare(settings))
+        values = {**asked, **changes}
+        settings = settings_from(values, self._controller.rig.joint_names)
+        law = law_from(values)
+        if not self._waiting and self._controller.is_quick(settings, law):
+            self._use(changes, self._controller.prepare(settings, law))
             return ""
         if len(self._waiting) >= MOST_WAITING:
             raise PamError(
@@ -110,7 +112,7 @@ class SettingChanges:
     def _prepared(self, values: Mapping[str, Value]) -> PreparedSettings | PamError:
         try:
             settings = settings_from(values, self._controller.rig.joint_names)
-            return self._controller.prepare(settings)
+            return self._controller.prepare(settings, law_from(values))
         except PamError as error:
             return error
 

@@ -1,4 +1,4 @@
-"""All numbers of a controller that a user may change, with their defaults."""
+"""All numbers of a controller that a user may change, whatever the control law; see `declared`."""
 
 from __future__ import annotations
 
@@ -8,125 +8,36 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from pam_control.feedback.pid import PidGains
-from pam_model.bounds import check_numbers
-
-BY_SIZE = -1.0
-"""A value that follows from the size of each joint; see `pam_control.joint_scale`."""
-
-NARROWER: Mapping[str, tuple[float, float]] = {
-    "period": (1e-4, 1.0),
-    "spool_limit": (1e-3, 1.0),
-    "sensitivity": (1.0, math.inf),
-    "lead_ratio": (0.0, 1.0),
-    "phase_margin": (0.0, math.pi),
-}
-"""Numbers for which more than their sign has a meaning."""
-LOOP_FIELDS = (
-    "period",
-    "measurement_delay",
-    "command_delay",
-    "extra_delay",
-    "safe_delay",
-    "lead_ratio",
-    "pressure_gain",
-    "derivative_filter",
-    "feedforward",
-    "gains",
-    "partial_gains",
-    "phase_margin",
-    "sensitivity",
-    "mean_pressure",
-    "observer",
-    "observer_bandwidth",
-    "stiffness_grid",
+from pam_control.declared import (
+    BY_SIZE,
+    changes_loop,
+    check_fields,
+    declared,
+    share_of_stiffness,
+    share_of_torque,
+    switch,
 )
+from pam_control.feedback.gain_schedule import GainSchedule
+
+DESIGNED = -1.0
+ADAPTS = ("model_based",)  # the laws that learn
 
 
 @dataclass(frozen=True, slots=True)
 class ControlSettings:
     """Gains, limits and delays; a missing gain is designed from the rig.
 
-    Values that are `BY_SIZE` follow from the size of each joint.
+    Values that are `BY_SIZE` follow from the size of each joint. Times are in s, angles in rad,
+    pressures in Pa. The parameters of a control law are fields of the law.
 
     Attributes
     ----------
-    period : float
-        Period of the control loop [s].
-    measurement_delay : float
-        Delay from the sensor's sample to its stamp [s].
-    command_delay : float
-        Delay from the controller to the valve [s].
-    extra_delay : float
-        Unknown delay that the gain design assumes in addition to the stated ones [s].
-    lead_ratio : float
-        Part of the valve's lag that is left uncompensated [-].
-    pressure_gain : float or None
-        Gain of the pressure loops [1/s]; None: designed.
-    derivative_filter : float
-        Time constant for measured velocities and for the PID's derivative [s].
-    phase_margin, sensitivity : float
-        Minimum phase margin [rad] and maximum sensitivity [-] of designed gains.
-    gains : mapping of str to PidGains
+    gains : mapping of str to GainSchedule
         Gains by joint; those of other joints are designed.
     partial_gains : mapping
         By joint and gain ("proportional", ...): these values replace the designed ones.
-    feedforward : bool
-        Whether inverse dynamics and pressures are fed forward.
-    integral_limit : float
-        Limit of the PID's integral, in the unit of its output.
-    default_stiffness : float
-        Stiffness until one is commanded [N m/rad].
-    stiffness_rate : float
-        Maximum rate of the stiffness reference [N m/(rad s)].
-    stiffness_corrected : bool
-        Whether commands of the stiffness are corrected by the stiffness that was estimated.
     stiffness_grid : tuple of float
         Stiffnesses at which gains are designed and checked [N m/rad]; empty: by size.
-    min_pressure : float
-        Lowest desired pressure, so that no muscle becomes slack; fixed at the start [Pa].
-    pressure_rate : float
-        Maximum rate of a desired pressure [Pa/s].
-    spool_limit : float
-        Largest command to a flow valve [-].
-    mean_pressure : float
-        Mean pressure of the laws that command a pressure ratio or difference [Pa].
-    difference_feedforward : mapping of str to tuple of float
-        Coefficients of the pressure-difference law's feedforward by joint, in the order and units
-        of `DifferenceFeedforward`; those of other joints follow from the rig.
-    safe_delay : float
-        Unknown delay for which the safe gains are designed [s].
-    tracking_time : float
-        How long a tracking error may be above the joint's limit [s].
-    lowering_time : float
-        Time in which ~/lower lets the air out [s].
-    observer : bool
-        Whether the model-based law compensates the torque that its model does not explain.
-    observer_bandwidth : float
-        Bandwidth of this observer [rad/s]; 0: designed.
-    observer_limit : float
-        Largest torque that it compensates [N m].
-    adaptation : bool
-        Whether the model-based law learns the torque that its model lacks, and how the flows of
-        its valves differ from their data.
-    adaptation_limit : float
-        Largest torque that is learnt [N m].
-    learning_motion : str
-        Name under which the trajectories that follow are learnt as repetitions; empty: none are.
-    learning_file : str
-        File in which motions are kept; empty: in memory only.
-    impedance_damping : float
-        Damping of the impedance law [N m s/rad].
-    float_hold_torque : float
-        Torque below which a joint that is moved by hand stays where it is [N m].
-    float_speed_limit : float
-        Largest speed of its rest angle [rad/s].
-    stale_after : float
-        Age at which a measurement is stale [s].
-    stream_timeout, stream_bandwidth : float
-        Time-out [s] and filter bandwidth [rad/s] of streamed references.
-    allow_nonzero_end_velocity : bool
-        Accept trajectories that end with a velocity.
 
     Raises
     ------
@@ -134,56 +45,278 @@ class ControlSettings:
         For a number that is not finite, or has a sign or size without a meaning.
     """
 
-    period: float = 0.002
-    measurement_delay: float = 0.001
-    command_delay: float = 0.003
-    extra_delay: float = 0.01
-    lead_ratio: float = 0.7
-    pressure_gain: float | None = None
-    derivative_filter: float = 0.01
-    phase_margin: float = math.radians(50.0)
-    sensitivity: float = 1.6
-    gains: Mapping[str, PidGains] = field(default_factory=dict)
+    gains: Mapping[str, GainSchedule] = field(default_factory=dict)
     partial_gains: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    feedforward: bool = True
-    integral_limit: float = BY_SIZE
-    default_stiffness: float = BY_SIZE
-    stiffness_rate: float = BY_SIZE
-    stiffness_corrected: bool = False
     stiffness_grid: tuple[float, ...] = ()
-    min_pressure: float = 5e3
-    pressure_rate: float = 4e6
-    spool_limit: float = 1.0
-    mean_pressure: float = 2.3e5
-    difference_feedforward: Mapping[str, tuple[float, float, float, float, float]] = field(
-        default_factory=dict
+    period: float = declared(
+        "loop.rate",
+        500.0,
+        "Hz",
+        50.0,
+        2000.0,
+        "control cycle rate",
+        fixed=True,
+        loop=True,
+        possible=(1e-4, 1.0),
+        read=lambda rate: 1.0 / rate,
     )
-    safe_delay: float = 0.08
-    tracking_time: float = 0.3
-    lowering_time: float = 3.0
-    observer: bool = False
-    observer_bandwidth: float = 0.0
-    observer_limit: float = BY_SIZE
-    adaptation: bool = True
-    adaptation_limit: float = BY_SIZE
-    learning_motion: str = ""
-    learning_file: str = ""
-    impedance_damping: float = BY_SIZE
-    float_hold_torque: float = BY_SIZE
-    float_speed_limit: float = 0.5
-    stale_after: float = 0.05
-    stream_timeout: float = 0.2
-    stream_bandwidth: float = 40.0
-    allow_nonzero_end_velocity: bool = False
+    measurement_delay: float = declared(
+        "loop.measurement_delay",
+        0.001,
+        "s",
+        0.0,
+        0.1,
+        "delay from a sensor's sample to its stamp",
+        loop=True,
+    )
+    command_delay: float = declared(
+        "loop.command_delay",
+        0.003,
+        "s",
+        0.0,
+        0.1,
+        "delay from the controller to the valve; 0.001 is the default in one process with the "
+        "driver",
+        loop=True,
+    )
+    stale_after: float = declared(
+        "loop.stale_after",
+        0.05,
+        "s",
+        0.002,
+        2.0,
+        "age at which a measurement is stale and commands stop",
+    )
+    feedforward: bool = switch(
+        "feedforward.enabled", True, "feedforward of inverse dynamics and pressures", loop=True
+    )
+    extra_delay: float = declared(
+        "design.extra_delay",
+        0.01,
+        "s",
+        0.0,
+        0.1,
+        "unknown delay of the loop that the gain design assumes in addition to the stated ones",
+        loop=True,
+    )
+    safe_delay: float = declared(
+        "design.safe_delay",
+        0.08,
+        "s",
+        0.02,
+        0.3,
+        "unknown delay for which the soft gains are designed, used after an oscillation",
+        loop=True,
+    )
+    phase_margin: float = declared(
+        "design.phase_margin",
+        math.radians(50.0),
+        "rad",
+        0.53,
+        1.4,
+        "minimum phase margin of designed gains",
+        loop=True,
+        possible=(0.0, math.pi),
+    )
+    sensitivity: float = declared(
+        "design.sensitivity",
+        1.6,
+        "-",
+        1.1,
+        3.0,
+        "maximum sensitivity |S| of designed gains",
+        loop=True,
+        possible=(1.0, math.inf),
+    )
+    tracking_time: float = declared(
+        "guard.tracking_time",
+        0.3,
+        "s",
+        0.02,
+        2.0,
+        "how long a tracking error may be above the joint's max_tracking_error",
+    )
+    lowering_time: float = declared(
+        "lowering.time",
+        3.0,
+        "s",
+        0.2,
+        60.0,
+        "time in which ~/lower lets the air out of the muscles",
+    )
+    pressure_gain: float | None = declared(
+        "pressure_loop.gain",
+        DESIGNED,
+        "1/s",
+        -1.0,
+        1000.0,
+        "gain of the pressure loops; -1: designed",
+        loop=True,
+        possible=(0.0, math.inf),
+        read=lambda gain: gain if gain > 0.0 else None,
+    )
+    lead_ratio: float = declared(
+        "pressure_loop.lead_ratio",
+        0.7,
+        "-",
+        0.1,
+        1.0,
+        "part of the valve's lag that is left uncompensated",
+        loop=True,
+        possible=(0.0, 1.0),
+    )
+    min_pressure: float = declared(
+        "pressure_loop.min_pressure",
+        5e3,
+        "Pa",
+        0.0,
+        5e5,
+        "lowest desired pressure of a muscle, so that none becomes slack",
+        fixed=True,
+    )
+    pressure_rate: float = declared(
+        "pressure_loop.rate_limit", 4e6, "Pa/s", 1e3, 1e8, "maximum rate of a desired pressure"
+    )
+    spool_limit: float = declared(
+        "pressure_loop.spool_limit",
+        1.0,
+        "-",
+        0.01,
+        1.0,
+        "largest command to a flow valve",
+        possible=(1e-3, 1.0),
+    )
+    derivative_filter: float = declared(
+        "pid.derivative_filter",
+        0.01,
+        "s",
+        1e-3,
+        0.2,
+        "filter time constant of measured velocities and of the derivative",
+        loop=True,
+    )
+    feedback_lead: float = declared(
+        "pid.lead",
+        0.5,
+        "-",
+        0.0,
+        1.0,
+        "share of the pressure loops' lag for which the feedback makes up by a lead",
+        loop=True,
+        laws=("model_based", "torque"),
+    )
+    integral_limit: float = declared(
+        "pid.integral_limit",
+        BY_SIZE,
+        "N m",
+        0.0,
+        1e4,
+        "maximum integral part (pressure_ratio_pid: of the ratio, no unit)",
+        by_size=share_of_torque(0.33),
+    )
+    default_stiffness: float = declared(
+        "stiffness.default",
+        BY_SIZE,
+        "N m/rad",
+        0.01,
+        1e5,
+        "stiffness until one is commanded",
+        by_size=share_of_stiffness(0.43),
+    )
+    stiffness_rate: float = declared(
+        "stiffness.rate_limit",
+        BY_SIZE,
+        "N m/(rad s)",
+        0.01,
+        1e5,
+        "maximum rate of the stiffness reference",
+        by_size=share_of_stiffness(0.61, " in a second"),
+    )
+    stiffness_corrected: bool = switch(
+        "stiffness.corrected",
+        False,
+        "correct commands of the stiffness by what was learnt of the muscles' dimensions",
+        laws=ADAPTS,
+    )
+    observer: bool = switch(
+        "disturbance_observer.enabled",
+        False,
+        "compensate the torque that the model does not explain",
+        loop=True,
+        laws=ADAPTS,
+    )
+    observer_bandwidth: float = declared(
+        "disturbance_observer.bandwidth",
+        0.0,
+        "rad/s",
+        0.0,
+        500.0,
+        "bandwidth of the disturbance observer; 0: designed",
+        loop=True,
+        laws=ADAPTS,
+    )
+    observer_limit: float = declared(
+        "disturbance_observer.limit",
+        BY_SIZE,
+        "N m",
+        0.0,
+        1e4,
+        "largest torque that the disturbance observer compensates",
+        by_size=share_of_torque(0.16),
+        laws=ADAPTS,
+    )
+    adaptation: bool = switch(
+        "adaptation.enabled",
+        True,
+        "learn the torque that the model lacks and the true flows of the valves",
+        laws=ADAPTS,
+    )
+    adaptation_limit: float = declared(
+        "adaptation.limit",
+        BY_SIZE,
+        "N m",
+        0.0,
+        1e4,
+        "largest torque that is learnt",
+        by_size=share_of_torque(0.16),
+        laws=ADAPTS,
+    )
+    learning_motion: str = switch(
+        "learning.motion",
+        "",
+        "name under which the trajectories that follow are learnt as repetitions of one motion; "
+        "empty: none are",
+        laws=ADAPTS,
+    )
+    learning_file: str = switch(
+        "learning.file",
+        "",
+        "file in files.folder in which learnt motions are kept; empty: in memory only",
+        laws=ADAPTS,
+    )
+    stream_timeout: float = declared(
+        "stream.timeout",
+        0.2,
+        "s",
+        0.01,
+        10.0,
+        "age of the last streamed command at which the joint holds its position",
+    )
+    stream_bandwidth: float = declared(
+        "stream.bandwidth",
+        40.0,
+        "rad/s",
+        1.0,
+        500.0,
+        "bandwidth of the filter for streamed commands",
+    )
+    allow_nonzero_end_velocity: bool = switch(
+        "trajectory.allow_nonzero_end_velocity", False, "accept trajectories that end in motion"
+    )  # fmt: skip
 
     def __post_init__(self) -> None:
         """Refuse numbers without a meaning; the node's parameters have narrower bounds."""
-        bounds = {}
-        for entry in dataclasses.fields(self):
-            if entry.type in ("float", "float | None"):
-                low = BY_SIZE if entry.default == BY_SIZE else 0.0
-                bounds[entry.name] = (*NARROWER.get(entry.name, (low, math.inf)), "-")
-        check_numbers(self, "ControlSettings", bounds)
+        check_fields(self)
 
     def replace(self, **changes: Any) -> ControlSettings:
         """Return a copy with other values."""
@@ -191,4 +324,9 @@ class ControlSettings:
 
     def changes_loop(self, other: ControlSettings) -> bool:
         """Whether the linear loop, and so its margins, differs from that of `other`."""
-        return any(getattr(self, name) != getattr(other, name) for name in LOOP_FIELDS)
+        return (
+            self.gains != other.gains
+            or self.partial_gains != other.partial_gains
+            or self.stiffness_grid != other.stiffness_grid
+            or changes_loop(self, other)
+        )

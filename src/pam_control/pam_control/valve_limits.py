@@ -23,7 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pam_control.feedback.operating_points import operating_point
-from pam_control.joint_channel import JointChannel
+from pam_control.joint_models import JointModels
 from pam_control.references.spline import Array
 from pam_model.errors import PamError
 from pam_model.gas import mass_flow, pressure_rate
@@ -55,7 +55,7 @@ class ValveDemand:
     ----------
     robot : Robot
         Gas and supply.
-    channel : JointChannel
+    models : JointModels
         The joint.
     stiffness : float
         [N m/rad].
@@ -66,27 +66,26 @@ class ValveDemand:
         When the muscles cannot hold the joint anywhere.
     """
 
-    def __init__(self, robot: Robot, channel: JointChannel, stiffness: float) -> None:
+    def __init__(self, robot: Robot, models: JointModels, stiffness: float) -> None:
         self._robot = robot
-        self._inertia = channel.dynamics.inertia
-        self._damping = channel.dynamics.viscous_friction
-        low, high = channel.joint.position_limits
+        self._moving_torque = models.dynamics.moving_torque
+        low, high = models.joint.position_limits
         rows: list[list[tuple[float, float, float, float]]] = []
         places: list[float] = []
         for share in np.linspace(*RANGE_SHARES, PLACES).tolist():
             position = low + share * (high - low)
             try:
-                rows.append(_at(channel, stiffness, position))
+                rows.append(_at(models, stiffness, position))
             except PamError:  # the muscles cannot hold the joint there
                 continue
             places.append(position)
         if not places:
-            raise PamError(f"{channel.joint.name}: its muscles cannot hold it anywhere")
+            raise PamError(f"{models.name}: its muscles cannot hold it anywhere")
         self._places = np.array(places)
         table = np.array(rows)  # place, side, number
         self._sides = [
             _Side(*table[:, side].T, muscle)  # type: ignore[call-arg]
-            for side, muscle in enumerate(channel.muscles)
+            for side, muscle in enumerate(models.muscles)
         ]
 
     def share(self, position: Array, velocity: Array, acceleration: Array, jerk: Array) -> Array:
@@ -97,8 +96,8 @@ class ValveDemand:
         position, velocity, acceleration, jerk : ndarray, shape (n,)
             [rad], [rad/s], [rad/s^2], [rad/s^3].
         """
-        torque = self._inertia * acceleration + self._damping * velocity
-        torque_rate = self._inertia * jerk + self._damping * acceleration
+        torque = self._moving_torque(velocity, acceleration)
+        torque_rate = self._moving_torque(acceleration, jerk)
         found = np.zeros_like(position)
         for side in self._sides:
             pressure, per_torque, per_velocity, volume = (
@@ -160,17 +159,17 @@ class ValveDemand:
 
 
 def _at(
-    channel: JointChannel, stiffness: float, position: float
+    models: JointModels, stiffness: float, position: float
 ) -> list[tuple[float, float, float, float]]:
     """The rows of `_Side` for both muscles at one position [rad]."""
-    gravity = channel.dynamics.gravity(position)
-    reached = channel.model.pressures_for(gravity, stiffness, position)
+    gravity = models.dynamics.gravity(position)
+    reached = models.model.pressures_for(gravity, stiffness, position)
     pressures = (reached.agonist, reached.antagonist)
-    point = operating_point(channel.joint, channel.model, position, pressures)
-    slope = channel.dynamics.gravity_stiffness(position)
+    point = operating_point(models.joint, models.model, position, pressures)
+    slope = models.dynamics.gravity_stiffness(position)
     return [
         (
-            pressure + channel.model.ambient_pressure,
+            pressure + models.model.ambient_pressure,
             per_torque,
             per_position + slope * per_torque + motion,
             volume,
@@ -180,7 +179,7 @@ def _at(
             point.per_torque,
             point.per_position,
             point.motion_pressure,
-            channel.model.volumes(position),
+            models.model.volumes(position),
             strict=True,
         )
     ]

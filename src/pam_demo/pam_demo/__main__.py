@@ -30,6 +30,7 @@ def _declare_demo(parser: Parser) -> None:
     add_rig(parser)
     _add_can(parser)
     _add_rate(parser, "the highest of 500, 250 and 125 that this computer holds")
+    _add_separate(parser)
     parser.add_argument(
         "--joint", default="", metavar="NAME", help="the joint that moves (default: the first)"
     )
@@ -102,6 +103,7 @@ def _declare_robot(parser: Parser) -> None:
     add_rig(parser)
     _add_can(parser)
     _add_rate(parser, "500; fewer on a slow computer")
+    _add_separate(parser)
     parser.add_argument(
         "--true-effects",
         nargs="+",
@@ -111,6 +113,14 @@ def _declare_robot(parser: Parser) -> None:
     )
     parser.add_argument(
         "--out", type=output_folder, default="out/robot", help="folder (default: %(default)s)"
+    )
+
+
+def _add_separate(parser: Parser) -> None:
+    parser.add_argument(
+        "--separate",
+        action="store_true",
+        help="driver, model and controller are processes of their own (default: one process)",
     )
 
 

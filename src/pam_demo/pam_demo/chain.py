@@ -6,6 +6,7 @@ import itertools
 import os
 import random
 import socket
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -14,13 +15,17 @@ from types import TracebackType
 from typing import Self
 
 from pam_demo.processes import NodeProcess, Setting
-from pam_demo.programs import MODULES
+from pam_demo.programs import MODULES, NODES_OF_ROBOT, ROBOT, ROBOT_COMMAND
 from pam_model.program_signals import postponed
 from pam_model.rig import load_rig
 
 ON_THE_BUS = ("rig", "driver")
+WITH_A_DRIVER = ("driver", "robot")
 MULTICAST_GROUP = "239.74.163.2"
-_domains = itertools.count(random.randrange(100))
+DOMAINS = 100
+HELD_DOMAINS = 10
+_domains = itertools.count(random.randrange(DOMAINS))
+_held: dict[int, socket.socket] = {}
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,13 +99,45 @@ def best_bus() -> BusChoice:
 
 
 def private_domain() -> dict[str, str]:
-    """Environment of a ROS domain that is limited to this machine and probably not in use.
+    """Environment of a ROS domain that is limited to this machine and not in use on it.
 
     Every call gives another domain, so that a chain does not meet nodes left over from another.
+    Other processes of this machine that call this function get other ones, as long as this process
+    runs and has not asked for `HELD_DOMAINS` more.
     """
-    # 101 and above run into the ports the kernel hands out
-    domain = 1 + next(_domains) % 100
+    for _ in range(DOMAINS):
+        # 101 and above run into the ports the kernel hands out
+        domain = 1 + next(_domains) % DOMAINS
+        if not _has_participant(domain) and _reserve(domain):
+            break
     return {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+
+
+def _has_participant(domain: int) -> bool:
+    """Whether a process has bound the port of one of a domain's first nodes (RTPS 9.6.1)."""
+    for participant in range(3):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            try:
+                probe.bind(("", 7400 + 250 * domain + 10 + 2 * participant))
+            except OSError:
+                return True
+    return False
+
+
+def _reserve(domain: int) -> bool:
+    """Hold a name of the system that says so; False if another process holds it."""
+    if not sys.platform.startswith("linux"):  # which frees such a name when the process ends
+        return True
+    held = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+    try:
+        held.bind(f"\0pam_ros_domain_{domain}")
+    except OSError:
+        held.close()
+        return domain in _held
+    _held[domain] = held
+    while len(_held) > HELD_DOMAINS:
+        _held.pop(next(iter(_held))).close()
+    return True
 
 
 @contextmanager
@@ -144,12 +181,37 @@ class Chain:
 
     def start(self, name: str, parameters: Mapping[str, Setting] | None = None) -> NodeProcess:
         """Start one node of MODULES."""
+        return self._start(name, MODULES[name], self._settings(name, parameters or {}))
+
+    def start_robot(
+        self, parameters: Mapping[str, Mapping[str, Setting]] | None = None
+    ) -> NodeProcess:
+        """Start driver, model and controller in one process, which is then called "robot".
+
+        Parameters
+        ----------
+        parameters : mapping, optional
+            For each of the nodes, by its name in MODULES, its parameters.
+        """
+        given = parameters or {}
+        settings = {
+            f"{node}:{key}": value
+            for name, node in NODES_OF_ROBOT.items()
+            for key, value in self._settings(name, given.get(name, {})).items()
+        }
+        return self._start("robot", ROBOT, settings, ROBOT_COMMAND)
+
+    def _settings(self, name: str, parameters: Mapping[str, Setting]) -> dict[str, Setting]:
         settings: dict[str, Setting] = {}
         if name in ON_THE_BUS:
             settings.update(self.bus.parameters_for(tuple(load_rig(self.params_files[0]).buses)))
-        settings.update(parameters or {})
+        return settings | dict(parameters)
+
+    def _start(
+        self, name: str, module: str, settings: Mapping[str, Setting], *words: str
+    ) -> NodeProcess:
         with postponed():  # a process that is started must be known, so that it is ended
-            process = NodeProcess(MODULES[name], settings, self.params_files, self.environment)
+            process = NodeProcess(module, settings, self.params_files, self.environment, words)
             self.processes[name] = process
         return process
 
@@ -172,7 +234,7 @@ class Chain:
         """
         names = list(self.processes)[::-1]
         try:
-            for name in sorted(names, key=lambda name: name != "driver"):
+            for name in sorted(names, key=lambda name: name not in WITH_A_DRIVER):
                 self.stop(name)
         except KeyboardInterrupt:  # asked again: nothing is waited for, and nothing is left behind
             for process in self.processes.values():

@@ -32,7 +32,7 @@ TEMPLATE = """<!doctype html>
  .good { color: var(--good); } .bad { color: var(--bad); }
 </style></head><body><main>
 <h1>Tracking before and after a diagnosis</h1>
-<p class="quiet">Driver, model and controller ran as separate processes and moved a simulated rig
+<p class="quiet">Driver, model and controller ran in one process and moved a simulated rig
 over a CAN bus. The simulated rig has the effect <b>{{ hidden }}</b>, which is missing in its
 rig file. The recording of the first run was diagnosed.{% if figures %}
 In the second run, on the same rig, every node used the improved rig file.{% endif %}</p>

@@ -1,8 +1,8 @@
 """The demo: `pam demo` or `make demo`.
 
-Starts the simulated rig, driver, model, controller and a recorder as separate processes, plays the
-motions with the full controller and then with two simpler ones, computes the tracking errors and
-writes a page.
+Starts the simulated rig, the program of the robot and a recorder as processes, plays the motions
+with the full controller and then with two simpler ones, computes the tracking errors and writes a
+page.
 """
 
 from __future__ import annotations
@@ -108,10 +108,12 @@ def perform(
     rate: float = RATES[0],
     *,
     tries: bool = False,
+    separate: bool = False,
 ) -> list[dict[str, Any]]:
     """Run and record the programme; return law, motion, start time [s] and rate of each run.
 
-    Only the simulated rig gets the parameters in `plant`. With `tries`, a trial comes first.
+    Only the simulated rig gets the parameters in `plant`. With `tries`, a trial comes first. With
+    `separate`, driver, model and controller are processes of their own.
 
     Raises
     ------
@@ -132,20 +134,28 @@ def perform(
         rig = chain.start("rig", plant | REALTIME["rig"] | paced["rig"])
         rig.wait_for_output(SIMULATING, COMPILE_TIMEOUT)  # before that, no board answers the driver
         bar.show(0.0, "starting the nodes")
-        asked = {"activate_on_start": True, "startup_timeout": START_TIMEOUT}
-        chain.start("driver", asked | REALTIME["driver"] | paced["driver"])
-        chain.start("model")
-        player.wait_for_driver(COMPILE_TIMEOUT, chain.check)
+        asked: dict[str, Setting] = {"activate_on_start": True, "startup_timeout": START_TIMEOUT}
+        driver = asked | REALTIME["driver"] | paced["driver"]
+        if separate:
+            chain.start("driver", driver)
+            chain.start("model")
+            player.wait_for_driver(COMPILE_TIMEOUT, chain.check)
         law_now = ""
         done = 0.0
         for law, motion in plays:
             if law != law_now:
                 if law_now:
                     player.vent(chain.check)
-                    chain.stop("controller")
-                    player.activate(chain.check)
+                    chain.stop("controller" if separate else "robot")
+                    if separate:
+                        player.activate(chain.check)
                 bar.show(done, "starting the controller")
-                chain.start("controller", LAWS[law] | REALTIME["controller"] | paced["controller"])
+                controller = LAWS[law] | REALTIME["controller"] | paced["controller"]
+                if separate:
+                    chain.start("controller", controller)
+                else:
+                    chain.start_robot({"driver": driver, "controller": controller})
+                    player.wait_for_driver(COMPILE_TIMEOUT, chain.check)
                 player.wait_for_controller(COMPILE_TIMEOUT, chain.check)
                 if tries and not runs:
                     bar.show(done, f"trying {rate:g} Hz")
@@ -187,6 +197,8 @@ def perform_at_a_rate_that_is_held(
     bag: Path,
     plays: list[tuple[str, Motion]],
     plant: dict[str, Setting],
+    *,
+    separate: bool = False,
 ) -> tuple[list[dict[str, Any]], list[NotHeld]]:
     """Run and record the programme at the first of the `RATES` that this computer holds.
 
@@ -200,13 +212,14 @@ def perform_at_a_rate_that_is_held(
     not_held: list[NotHeld] = []
     for rate in RATES[:-1]:
         try:
-            return perform(chain, player, bag, plays, plant, rate, tries=True), not_held
+            runs = perform(chain, player, bag, plays, plant, rate, tries=True, separate=separate)
+            return runs, not_held
         except TooSlowError as error:
             print(f"{rate:g} Hz is too fast for this computer: {error}", flush=True)
             not_held.append(NotHeld(rate, str(error)))
             chain.stop_all()
             shutil.rmtree(bag, ignore_errors=True)
-    return perform(chain, player, bag, plays, plant, RATES[-1]), not_held
+    return perform(chain, player, bag, plays, plant, RATES[-1], separate=separate), not_held
 
 
 def chosen_joint(rig: Rig, name: str) -> str:
@@ -271,9 +284,13 @@ def run(given: Arguments, open_player: OpenPlayer) -> Outcome:
         with chain, open_player(_first(joint, rig), environment) as player:
             plays = programme(motions, not (given.no_baselines or given.short))
             if given.rate is None:
-                runs, not_held = perform_at_a_rate_that_is_held(chain, player, bag, plays, plant)
+                runs, not_held = perform_at_a_rate_that_is_held(
+                    chain, player, bag, plays, plant, separate=given.separate
+                )
             else:
-                runs = perform(chain, player, bag, plays, plant, given.rate)
+                runs = perform(
+                    chain, player, bag, plays, plant, given.rate, separate=given.separate
+                )
     finally:
         for name, text in chain.outputs.items():
             (out / f"{name}.log").write_text(text)

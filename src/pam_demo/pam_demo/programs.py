@@ -17,5 +17,14 @@ MODULES: Final[Mapping[str, str]] = {
 }
 """The nodes of a simulated rig, in the order in which they start."""
 
+ROBOT: Final = "pam_robot"
+ROBOT_COMMAND: Final = "node"
+NODES_OF_ROBOT: Final[Mapping[str, str]] = {
+    "driver": "pam_driver",
+    "model": "pam_model",
+    "controller": "pam_controller",
+}
+"""The program that runs three of these nodes in one process, and their names there."""
+
 DEMO: Final = "pam_demo"
 RECORDER: Final = "pam_demo.recorder_node"

@@ -1,6 +1,7 @@
 """`pam demo robot`: the simulated robot, for nodes of one's own, without `ros2 launch`.
 
-Simulated rig, driver, model and controller run in the ROS domain of the terminal until Ctrl-C.
+The simulated rig, and driver, model and controller in one process, run in the ROS domain of the
+terminal until Ctrl-C.
 """
 
 from __future__ import annotations
@@ -56,13 +57,20 @@ def run(given: Arguments) -> Outcome:
             # before the boards simulate, none answers the driver
             simulated = plant | REALTIME["rig"] | paced["rig"]
             chain.start("rig", simulated).wait_for_output(SIMULATING, COMPILE_TIMEOUT)
-            chain.start("controller", REALTIME["controller"] | paced["controller"])
-            chain.start("model")
             asked: dict[str, Setting] = {
                 "activate_on_start": True,
                 "startup_timeout": START_TIMEOUT,
             }
-            driver = chain.start("driver", asked | REALTIME["driver"] | paced["driver"])
+            settings = {
+                "driver": asked | REALTIME["driver"] | paced["driver"],
+                "controller": REALTIME["controller"] | paced["controller"],
+            }
+            if given.separate:
+                chain.start("controller", settings["controller"])
+                chain.start("model")
+                driver = chain.start("driver", settings["driver"])
+            else:
+                driver = chain.start_robot(settings)
             driver.wait_for_output(ACTIVE, START_TIMEOUT)
             print(f"{', '.join(rig.joint_names)}: ready to move; Ctrl-C ends it", flush=True)
             said: dict[str, int] = {}

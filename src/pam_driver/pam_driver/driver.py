@@ -10,7 +10,7 @@ import contextlib
 import math
 import threading
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Final
 
 from pam_driver.board_set import BoardSet, Clock, Port
@@ -34,6 +34,7 @@ from pam_model.rig import Rig
 from pam_model.robot import compose
 
 _PHYSICS: Final = frozenset({"pressure_implausible", "torque_implausible"})
+_BRIEFLY: Final = 0.02  # s
 _VENTS: Final = frozenset({SafetyState.VENTED, SafetyState.VENTING})
 
 
@@ -269,6 +270,28 @@ class Driver:
                     return
             self._break_off(self.broken, now)
 
+    def stop_stalled(self, text: str, now: float) -> None:
+        """Vent at once because the cycle does not return; called from another thread.
+
+        Nothing happens while no air may move, or if the cycle has stalled with the driver's lock:
+        then the boards' watchdogs are what vents.
+
+        Parameters
+        ----------
+        text : str
+            Describes it; it becomes the text of the fault `loop_too_slow`.
+        now : float
+            Monotonic time [s].
+        """
+        if not self._lock.acquire(timeout=_BRIEFLY):
+            return
+        try:
+            output = OUTPUTS[self.state]
+            if self.state in COMMANDABLE or output.enable or output.lower:
+                self._break_off(Condition("loop_too_slow", "", text), now)
+        finally:
+            self._lock.release()
+
     def _break_off(self, broken: Condition, now: float) -> None:
         """Vent at once, without any judgement."""
         if broken not in self.faults:
@@ -296,7 +319,13 @@ class Driver:
                 self._boards.latch_fault(now)
             self._event(SafetyEvent.CLEANUP, now)
 
-    def cycle(self, now: float, wall_now: float, clock: Clock | None = None) -> Snapshot:
+    def cycle(
+        self,
+        now: float,
+        wall_now: float,
+        clock: Clock | None = None,
+        control: Callable[[Snapshot], object] | None = None,
+    ) -> Snapshot:
         """Receive the frames that have arrived, judge them, and command every board.
 
         Parameters
@@ -307,30 +336,42 @@ class Driver:
             The same moment on the clock that stamps frames [s].
         clock : callable, optional
             Returns both times again, see `BoardSet.receive`.
+        control : callable, optional
+            A controller in the same process: called with the measurements of this cycle after they
+            were judged, it may call `set_commands` with what is then sent.
         """
         with self._lock:
             now = self._boards.receive(now, wall_now, clock, self._look)
-            oldest = now - self._settings.sensor_timeout
-            snapshot = take_snapshot(self.state, self._boards, self._velocity, oldest)
-            self._readings = Readings(snapshot.pressures, snapshot.positions, snapshot.velocities)
-            # the start-up check and the lowering have limits of their own
-            slow = self.state is SafetyState.ACTIVE and self.people.must_be_slow(now)
-            self._judge.watch_motion(self._readings, self._command_age, now, slow)
-            self._judge.judge(self._setpoints(), self._readings, now)
-            output = OUTPUTS[self.state]
-            self._exhausts.update(snapshot.pressures, not (output.enable or output.lower), now)
-            self._hear_latched_faults(now)
-            self._obey_enabling_switch(now)
-            self.conditions = tuple(self._conditions(now))
-            self._react(now)
-            self._judge.judged()
-            self.people.judged()
-            if OUTPUTS[self.state].latch:
-                self._boards.latch_fault(now)
-            if OUTPUTS[self.state].lower:
-                self._lower(now)
+            snapshot = self._judge_measurements(now)
+        if control is not None:
+            control(snapshot)
+            now = now if clock is None else clock()[0]
+        with self._lock:
             sent = self._send_valve_commands(now) if OUTPUTS[self.state].send else ()
             return snapshot._replace(state=self.state, sent=sent)
+
+    def _judge_measurements(self, now: float) -> Snapshot:
+        """Judge what was received, and change the state as it demands."""
+        oldest = now - self._settings.sensor_timeout
+        snapshot = take_snapshot(self.state, self._boards, self._velocity, oldest)
+        self._readings = Readings(snapshot.pressures, snapshot.positions, snapshot.velocities)
+        # the start-up check and the lowering have limits of their own
+        slow = self.state is SafetyState.ACTIVE and self.people.must_be_slow(now)
+        self._judge.watch_motion(self._readings, self._command_age, now, slow)
+        self._judge.judge(self._setpoints(), self._readings, now)
+        output = OUTPUTS[self.state]
+        self._exhausts.update(snapshot.pressures, not (output.enable or output.lower), now)
+        self._hear_latched_faults(now)
+        self._obey_enabling_switch(now)
+        self.conditions = tuple(self._conditions(now))
+        self._react(now)
+        self._judge.judged()
+        self.people.judged()
+        if OUTPUTS[self.state].latch:
+            self._boards.latch_fault(now)
+        if OUTPUTS[self.state].lower:
+            self._lower(now)
+        return snapshot._replace(state=self.state)
 
     def _look(self, board: Board, time: float) -> None:
         """Keep what a board says before its next frame replaces it."""

@@ -8,7 +8,7 @@ from typing import Final
 
 from pam_driver.can_bus.bus import CanPort
 from pam_driver.driver import Driver
-from pam_ros.periodic import PeriodicLoop
+from pam_ros.periodic import Loop
 from pam_ros.unforeseen import described
 
 # The final vent is sent several times: a frame may be lost, and the bus is closed afterwards.
@@ -18,7 +18,7 @@ _POLL: Final = 0.005  # s
 
 def end_driver(
     driver: Driver | None,
-    loop: PeriodicLoop | None,
+    loop: Loop | None,
     ports: Iterable[CanPort],
     hurry: Callable[[], bool],
     complain: Callable[[str], None],
@@ -29,8 +29,8 @@ def end_driver(
     ----------
     driver : Driver or None
         The driver, if it exists.
-    loop : PeriodicLoop or None
-        The thread that runs its cycles.
+    loop : Loop or None
+        Runs its cycles.
     ports : iterable of CanPort
         The open buses.
     hurry : callable
@@ -58,7 +58,7 @@ def end_driver(
         attempt(f"closing {port.name}", port.close)
 
 
-def _lower(driver: Driver, loop: PeriodicLoop, hurry: Callable[[], bool]) -> None:
+def _lower(driver: Driver, loop: Loop, hurry: Callable[[], bool]) -> None:
     driver.deactivate(time.monotonic())
     # it ends by itself after lowering_timeout as long as the thread runs
     while driver.lowers and loop.running and not hurry():

@@ -18,7 +18,7 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any
+from typing import Any, Protocol
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -42,7 +42,7 @@ from pam_driver.safety.states import FAULTY, LAMPS, SafetyState
 from pam_driver.snapshot import Snapshot
 from pam_driver.start_up import Advice, StartUp
 from pam_model.errors import PamError
-from pam_model.rig import described_key, rig_of_node
+from pam_model.rig import Rig, described_key, rig_of_node
 from pam_ros.diagnostics import diagnostic_array
 from pam_ros.driver_state import LATCHED, driver_state_message
 from pam_ros.end_signals import EndSignals
@@ -52,7 +52,7 @@ from pam_ros.lifecycle import notice_errors_of_transitions, refuse_impossible_tr
 from pam_ros.node_end import end_node
 from pam_ros.node_help import MISTAKE, tell_mistake
 from pam_ros.parameters import NodeParameters
-from pam_ros.periodic import PeriodicLoop
+from pam_ros.periodic import Loop, MakeLoop, PeriodicLoop
 from pam_ros.phase_follower import PhaseFollower
 from pam_ros.polled_topic import PolledTopic
 from pam_ros.start import start_ros
@@ -63,11 +63,39 @@ _SUCCESS = TransitionCallbackReturn.SUCCESS
 _FAILURE = TransitionCallbackReturn.FAILURE
 _MOVING = frozenset({SafetyState.CHECKING, SafetyState.READY, SafetyState.ACTIVE})
 _WATCH_PERIOD = 0.05
+_STALLED = 3  # turns of the watch within one cycle
 NAME = "pam_driver"
+
+
+class Partner(Protocol):
+    """A controller in the same process, which takes part in the driver's cycle.
+
+    Attributes
+    ----------
+    source : str
+        Who computed its commands, as its messages on `valve_commands` say it.
+    """
+
+    source: str
+
+    def control(self, snapshot: Snapshot) -> object:
+        """Compute commands for this cycle, and hand them to `DriverNode.take_commands`."""
+
+    def hear_state(self, message: Any) -> object:
+        """Take a message of `~/state`."""
 
 
 class DriverNode(LifecycleNode):  # type: ignore[misc]
     """Connects `Driver` with ROS: parameters, messages, and one call of `Driver.cycle` per cycle.
+
+    Parameters
+    ----------
+    make_loop : callable, optional
+        Makes the loop that runs the cycles; by default a thread of this node.
+    partner : Partner, optional
+        A controller in the same process. Others are still heard on `valve_commands`.
+    arguments : sequence of str, optional
+        Arguments for this node alone, from `--ros-args` on.
 
     Raises
     ------
@@ -75,8 +103,18 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         If the parameters or the rig cannot be used.
     """
 
-    def __init__(self) -> None:
-        super().__init__(NAME, automatically_declare_parameters_from_overrides=True)
+    def __init__(
+        self,
+        make_loop: MakeLoop = PeriodicLoop,
+        partner: Partner | None = None,
+        arguments: Sequence[str] = (),
+    ) -> None:
+        super().__init__(
+            NAME,
+            cli_args=list(arguments) or None,
+            automatically_declare_parameters_from_overrides=True,
+        )
+        self._make_loop, self._partner = make_loop, partner
         self.failure = ""
         self.runs = False  # from now on no exception is a mistake of the user
         self.hurry: Callable[[], bool] = lambda: False
@@ -89,7 +127,7 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
             raise ParameterError("activate_on_start: true needs autostart: true")
         self._ports: dict[str, CanPort] = {}
         self._driver: Driver | None = None
-        self._loop: PeriodicLoop | None = None
+        self._loop: Loop | None = None
         self._follower: PhaseFollower | None = None
         self._diagnostics: DriverDiagnostics | None = None
         self._snapshot: Snapshot | None = None
@@ -100,12 +138,14 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         self._activation = 0  # names the last one
         self._published_state = ("", 0)
         self._vent_reason = ""
+        self._watched_cycle = self._turns_of_cycle = 0  # of the loop; see `_watch_loop`
         self._broken = ""  # the exception that ends this process
         refuse_impossible_transitions(self)
         notice_errors_of_transitions(self, self._notice)
 
         keeps_nan = bool(self._values["joint_states.keep_nan"])
-        self._topics = DriverTopics(self, self._rig, keeps_nan)
+        every = self.rate / (self._values.number("publish_rate") or self.rate)
+        self._topics = DriverTopics(self, self._rig, keeps_nan, max(1, round(every)))
         self._diagnostics_topic = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         # taken by the I/O thread; two publishers in one cycle are both read
         self._commands = PolledTopic(
@@ -164,11 +204,11 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         except PamError as error:
             return self._fail(str(error))
         self._driver, self._ports, self._diagnostics, doubts = made
-        self._loop = PeriodicLoop(
+        self._loop = self._make_loop(
             partial(self._cycle, made.driver),
-            1.0 / self._values.number("rate"),
+            1.0 / self.rate,
             "bus I/O",
-            priority=int(self._values.number("realtime_priority")),
+            self.priority,
         )
         self._follower = PhaseFollower(self._loop) if self._values["align"] else None
         self._loop.start()
@@ -225,6 +265,21 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         """Vent and close the bus; the node may be configured again."""
         self.close()
         return _SUCCESS
+
+    @property
+    def rig(self) -> Rig:
+        """The robot."""
+        return self._rig
+
+    @property
+    def rate(self) -> float:
+        """Cycles per second [Hz]."""
+        return self._values.number("rate")
+
+    @property
+    def priority(self) -> int:
+        """Requested real-time priority of the loop."""
+        return int(self._values.number("realtime_priority"))
 
     def share_priority(self) -> None:
         """Give a real-time priority to the other threads too, if the I/O thread has one."""
@@ -306,6 +361,8 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         if told != self._published_state:
             self._published_state = told
             self._state_topic.publish(message)
+            if self._partner is not None:
+                self._partner.hear_state(message)
         if LAMPS[state] != self._lamp:
             self._lamp = LAMPS[state]
             self._lamp_topic.publish(String(data=self._lamp))
@@ -321,12 +378,18 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
             self._poll()
             self._whole_cycle(driver, now)
         except Exception as error:
-            driver.fail(described(error), time.monotonic())
-            hand_over(error)
+            self.break_down(error)
+
+    def break_down(self, error: Exception) -> None:
+        """Stop after an exception in the cycle; the main loop then ends the process."""
+        if self._driver is not None:
+            self._driver.fail(described(error), time.monotonic())
+        hand_over(error)
 
     def _whole_cycle(self, driver: Driver, now: float) -> None:
         wall_now = time.time()
-        snapshot = driver.cycle(now, wall_now, lambda: (time.monotonic(), time.time()))
+        control = None if self._partner is None else self._partner.control
+        snapshot = driver.cycle(now, wall_now, lambda: (time.monotonic(), time.time()), control)
         sent_at = time.time()
         if self._follower is not None:
             self._follower.follow(wall_now - snapshot.pressure_stamp)
@@ -338,12 +401,8 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
             topic.poll()
 
     def _on_valve_commands(self, message: JointStateFields) -> None:
-        driver = self._driver
-        if driver is None:
-            self.get_logger().warning(
-                "valve_commands refused: not configured", throttle_duration_sec=1.0
-            )
-            return
+        if self._partner is not None and message.frame_id == self._partner.source:
+            return  # for observers: the driver has had these commands
         waited = self._commands.waited
         # its age when it arrived; a stamp of zero means "now", as in other ROS interfaces
         age = time.time() - waited - message.stamp if message.stamp else 0.0
@@ -355,10 +414,18 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
             age,
             message.frame_id,
         )
-        try:
-            driver.set_commands(command, time.monotonic() - waited)
-        except CommandError as error:
-            self.get_logger().warning(f"valve_commands refused: {error}", throttle_duration_sec=1.0)
+        self.take_commands(command, time.monotonic() - waited)
+
+    def take_commands(self, command: NamedCommand, arrived: float) -> None:
+        """Use valve commands that arrived at this moment [s], or say why they are refused."""
+        reason = "not configured"
+        if self._driver is not None:
+            try:
+                self._driver.set_commands(command, arrived)
+                return
+            except CommandError as error:
+                reason = str(error)
+        self.get_logger().warning(f"valve_commands refused: {reason}", throttle_duration_sec=1.0)
 
     def _on_people(self, name: str, message: Any) -> None:
         if self._driver is not None:
@@ -369,14 +436,19 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         if self._driver is None:
             response.success, response.message = False, "not configured: the bus is not open"
             return response
-        self._driver.vent(time.monotonic())
-        self._vent_reason = "a call of ~/vent"
+        self.vent("a call of ~/vent")
         self._publish_state()
         done = "lowering; call again to vent at once" if self._driver.lowers else "valves vented"
         if self._cancel_start("a call of ~/vent"):
             done += ", and the activation at start-up is cancelled"
         response.success, response.message = True, f"{done}; activate to move"
         return response
+
+    def vent(self, reason: str) -> None:
+        """Lower the joints and vent, as `~/vent` does; the frames are sent before this returns."""
+        if self._driver is not None:
+            self._driver.vent(time.monotonic())
+            self._vent_reason = reason
 
     def _on_clear_faults(self, request: Any, response: Any) -> Any:
         driver = self._driver
@@ -401,6 +473,7 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
             return
         if driver.broken is not None:  # `fail` is called in this turn, and reports it
             return
+        self._watch_loop(driver)
         self._publish_state()
         if driver.state in FAULTY and not self._fault_reported:
             self._fault_reported = True
@@ -412,6 +485,22 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         if self._active:
             self._start_up.end()
         self._watch_start(driver)
+
+    def _watch_loop(self, driver: Driver) -> None:
+        """Vent when one cycle goes on and on: nobody else notices that on this computer.
+
+        Turns are counted, not time, since a process that was halted has not stalled.
+        """
+        loop = self._loop
+        if loop is None:
+            return
+        cycles = loop.statistics.cycles
+        self._turns_of_cycle = self._turns_of_cycle + 1 if cycles == self._watched_cycle else 0
+        self._watched_cycle = cycles
+        if loop.busy and self._turns_of_cycle == _STALLED:
+            least = _STALLED * _WATCH_PERIOD
+            text = f"a cycle has not returned within {least:g} s"
+            driver.stop_stalled(text, time.monotonic())
 
     def _watch_start(self, driver: Driver) -> None:
         """While the node starts: activate if this was asked for, else say what is needed."""

@@ -104,6 +104,11 @@ TABLE: Final = (
         "joint_states.keep_nan", False, "-", 0, 1, "joint_states names a joint without a fresh "
         "measurement, with NaN; otherwise it is left out"
     ),
+    Parameter(
+        "publish_rate", 0.0, "Hz", 0.0, 1000.0, "rate of pressure_states, joint_states and "
+        "sent_valve_commands, at most that of the cycles; 0: every cycle, as a controller in "
+        "another process and a recording need it"
+    ),
     Parameter("fluid_pressure_rate", 10.0, "Hz", 0.1, 100.0, "rate of <muscle>/pressure"),
 )  # fmt: skip
 

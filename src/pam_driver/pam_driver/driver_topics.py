@@ -29,10 +29,14 @@ class DriverTopics:
     keeps_nan : bool
         Whether `joint_states` names a joint without a fresh measurement, with NaN. Otherwise it is
         left out, as MoveIt, robot_state_publisher and ros2_control expect it.
+    every : int, optional
+        Measurements and commands are published once in so many cycles.
     """
 
-    def __init__(self, node: Any, rig: Rig, keeps_nan: bool) -> None:
+    def __init__(self, node: Any, rig: Rig, keeps_nan: bool, every: int = 1) -> None:
         self._rig = rig
+        self._every = every
+        self._cycles = 0
         self._keeps_nan = keeps_nan
         self._joints, self._muscles = rig.joint_names, rig.muscle_names
         source = source_of(node)  # the controller recognises two publishers by it
@@ -47,7 +51,7 @@ class DriverTopics:
     def publish(
         self, snapshot: Snapshot, intake: CommandIntake, wall_now: float, sent_at: float
     ) -> None:
-        """Publish what one cycle measured and sent.
+        """Publish what one cycle measured and sent, if it is its turn.
 
         Parameters
         ----------
@@ -58,6 +62,9 @@ class DriverTopics:
         wall_now, sent_at : float
             When the cycle began, and when its commands had been sent; wall clock [s].
         """
+        self._cycles += 1
+        if self._cycles % self._every:
+            return
         stamp = nanoseconds_of(snapshot.pressure_stamp or wall_now)
         self._pressure_states.publish(stamp, self._muscles, effort=snapshot.pressures)
         if snapshot.positions:

@@ -29,6 +29,8 @@ class Snapshot(NamedTuple):
     sent : tuple of float
         Command by muscle as fraction of full scale, including the command to vent; empty if the
         bus did not accept it.
+    pressure_time, joint_time : float
+        The moments of both stamps on the monotonic clock [s]; infinite if none is fresh.
     """
 
     state: SafetyState
@@ -38,6 +40,8 @@ class Snapshot(NamedTuple):
     velocities: tuple[float, ...]
     joint_stamp: float
     sent: tuple[float, ...] = ()
+    pressure_time: float = math.inf
+    joint_time: float = math.inf
 
 
 def take_snapshot(
@@ -57,12 +61,14 @@ def take_snapshot(
         A measurement from before this time is too old, monotonic [s].
     """
     pressures, pressure_stamps = [], []
+    pressure_time = joint_time = math.inf
     for samples, channel in boards.pressures:
         sample = samples[channel]
         fresh = sample.time >= oldest
         pressures.append(sample.value if fresh else math.nan)
         if fresh:
             pressure_stamps.append(sample.stamp)
+            pressure_time = min(pressure_time, sample.time)
     positions, velocities, joint_stamps = [], [], []
     for filtered, (samples, channel) in zip(filters, boards.angles, strict=True):
         sample = samples[channel]
@@ -71,6 +77,7 @@ def take_snapshot(
         velocities.append(filtered.value if fresh else math.nan)
         if fresh:
             joint_stamps.append(sample.stamp)
+            joint_time = min(joint_time, sample.time)
     return Snapshot(
         state,
         tuple(pressures),
@@ -78,4 +85,6 @@ def take_snapshot(
         tuple(positions),
         tuple(velocities),
         min(joint_stamps, default=0.0),
+        pressure_time=pressure_time,
+        joint_time=joint_time,
     )

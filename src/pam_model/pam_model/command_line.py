@@ -18,6 +18,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import errno
+import gc
 import io
 import json
 import math
@@ -232,10 +233,13 @@ def start_node(
     """
     if arguments is None:  # the program itself, not a caller within another one
         end_at_signals()
+    gc.disable()  # what is imported and made stays; the node's main loop enables it
     try:
         return run(arguments)
     except ModuleNotFoundError as error:
         return _code_after(error)
+    finally:
+        gc.enable()
 
 
 def _complete(tool: Tool) -> None:

@@ -45,27 +45,51 @@ NAME = "pam_model"
 
 
 class ModelNode(Node):  # type: ignore[misc]
-    """ROS interface of a JointEstimator: subscriptions, publishers and parameters."""
+    """ROS interface of a JointEstimator: subscriptions, publishers and parameters.
 
-    def __init__(self) -> None:
-        super().__init__(NAME, automatically_declare_parameters_from_overrides=True)
+    Parameters
+    ----------
+    composed : bool, optional
+        Whether a program that has the measurements calls `take` and `publish`, in place of
+        subscriptions and timers of this node.
+    arguments : sequence of str, optional
+        Arguments for this node alone, from `--ros-args` on.
+
+    Attributes
+    ----------
+    publish_rate : float
+        Estimates per second [Hz].
+    """
+
+    def __init__(self, *, composed: bool = False, arguments: Sequence[str] = ()) -> None:
+        super().__init__(
+            NAME,
+            cli_args=list(arguments) or None,
+            automatically_declare_parameters_from_overrides=True,
+        )
         self._declared = NodeParameters(
             self, PARAMETERS, rig_of_node, self._change, describe=described_key, usual_name=NAME
         )
-        self._rig = self._declared.described
+        self.rig = self._declared.described
         self._estimator = JointEstimator(
-            compose(self._rig),
+            compose(self.rig),
             self._declared.number("max_age"),
             closed_chambers=bool(self._declared["closed_chambers"]),
         )
         self._messages = 0
-        self._problems: list[str] = []
-        self._joints, self._muscles = self._rig.joint_names, self._rig.muscle_names
+        self._joints, self._muscles = self.rig.joint_names, self.rig.muscle_names
         self._muscle_states = JointStatePublisher(self, "muscle_states", 1)
         self._joint_estimates = JointStatePublisher(self, "joint_estimates", 1)
         self._joint_stiffness = self.create_publisher(Float64MultiArray, "joint_stiffness", 1)
         self._stiffness_heard = Audience(self._joint_stiffness).present
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self.publish_rate = self._declared.number("publish_rate")
+        self.polled_topics: list[PolledTopic] = []
+        if not composed:
+            self._subscribe()
+        self.create_timer(1.0, self._report)
+
+    def _subscribe(self) -> None:
         self.polled_topics = [
             PolledTopic(self, JointState, topic, take, read=JointStateReader().read)
             for topic, take in (
@@ -73,11 +97,9 @@ class ModelNode(Node):  # type: ignore[misc]
                 ("joint_states", self._take_positions),
             )
         ]
-        rate = self._declared.number("publish_rate")
-        self.create_timer(1.0 / rate, self._publish)
-        if rate < _POLL_RATE:
+        self.create_timer(1.0 / self.publish_rate, self._poll_and_publish)
+        if self.publish_rate < _POLL_RATE:
             self.create_timer(1.0 / _POLL_RATE, self._poll)
-        self.create_timer(1.0, self._report)
 
     def _change(self, changes: Any) -> None:
         self._estimator.max_age = float(changes["max_age"])
@@ -102,11 +124,43 @@ class ModelNode(Node):  # type: ignore[misc]
             self._stamp(message), message.name, message.position, message.velocity
         )
 
-    def _publish(self) -> None:
+    def take(
+        self,
+        stamps: tuple[float, float],
+        pressures: Sequence[float],
+        positions: Sequence[float],
+        velocities: Sequence[float],
+    ) -> None:
+        """Take measurements without a message.
+
+        Parameters
+        ----------
+        stamps : tuple of float
+            Of pressures and of angles, wall clock [s]; 0 means now.
+        pressures : sequence of float
+            By muscle of the rig [Pa gauge].
+        positions, velocities : sequence of float
+            By joint of the rig [rad], [rad/s].
+        """
+        self._messages += 1
+        of_pressures, of_joints = (stamp or self._now() for stamp in stamps)
+        self._estimator.take_pressures(of_pressures, self._muscles, pressures)
+        self._estimator.take_positions(of_joints, self._joints, positions, velocities)
+
+    def _poll_and_publish(self) -> None:
         self._poll()
+        self.publish()
+
+    def _heard(self) -> bool:
+        topics = (self._muscle_states.heard, self._joint_estimates.heard, self._stiffness_heard)
+        return any(heard() for heard in topics)
+
+    def publish(self) -> None:
+        """Estimate and publish, while anybody listens."""
+        if not self._heard():
+            return
         now = self._now()
         estimate = self._estimator.estimate(now)
-        self._problems = estimate.problems
         # unknown estimates (NaN) are stamped with the present time
         stamp = nanoseconds_of(now if estimate.stamp is None else estimate.stamp)
         self._muscle_states.publish(
@@ -129,16 +183,17 @@ class ModelNode(Node):  # type: ignore[misc]
 
     def _report(self) -> None:
         messages, self._messages = self._messages, 0
+        problems = self._estimator.estimate(self._now()).problems
         if not messages:
             level, text = STALE, "no measurements arrive"
-        elif self._problems:
-            level, text = WARN, self._problems[0]
+        elif problems:
+            level, text = WARN, problems[0]
         else:
             level, text = OK, "estimating"
         values = {
             "measurements per second": messages,
-            "problems": len(self._problems),
-            **{f"problem {index}": line for index, line in enumerate(self._problems)},
+            "problems": len(problems),
+            **{f"problem {index}": line for index, line in enumerate(problems)},
         }
         status = diagnostic_status(f"{self.get_name()}: estimates", level, text, values)
         stamp = self.get_clock().now().to_msg()

@@ -1,13 +1,14 @@
 """The dialect of a table of text: encoding, separator and decimal mark.
 
 What a spreadsheet writes depends on the language of the desktop: semicolons and decimal commas,
-tabs, a byte order mark, UTF-16, or Windows-1252 (the degree sign in a heading).
+tabs, a byte order mark, UTF-16, GB 2312, or Windows-1252 (the degree sign in a heading).
 """
 
 from __future__ import annotations
 
 import codecs
 import contextlib
+import csv
 import re
 from collections.abc import Sequence
 from typing import Final
@@ -17,7 +18,10 @@ _POINT: Final = re.compile(r'"?[-+]?\s*\d*\.\d+([eE][-+]?\d+)?"?')
 
 
 def encoding_of(start: bytes) -> str:
-    """The encoding of a text: UTF-8, UTF-16 with a byte order mark, or Windows-1252.
+    """The encoding of a text: UTF-8, UTF-16 with a byte order mark, GB 2312 or Windows-1252.
+
+    In GB 2312, letters beyond ASCII are pairs of bytes from 0xA1 on. In a text of Windows-1252 they
+    nearly always stand alone.
 
     Parameters
     ----------
@@ -31,11 +35,11 @@ def encoding_of(start: bytes) -> str:
     """
     if start.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return "utf-16"
-    for encoding in ("utf-8-sig", "cp1252"):
+    for encoding in ("utf-8-sig", "gb2312", "cp1252"):
         with contextlib.suppress(UnicodeError):
             codecs.getincrementaldecoder(encoding)().decode(start)
             return encoding
-    raise UnicodeError("neither text in UTF-8, UTF-16 nor Windows-1252")
+    raise UnicodeError("neither text in UTF-8, UTF-16, GB 2312 nor Windows-1252")
 
 
 def decoded(content: bytes) -> str:
@@ -50,8 +54,8 @@ def decoded(content: bytes) -> str:
 
 
 def separator(header: str) -> str:
-    """What separates the names in the first line: a semicolon, a tab or a comma."""
-    return next((s for s in (";", "\t") if header.count(s) >= max(header.count(","), 1)), ",")
+    """What separates the names in the first line: a semicolon, a tab, a bar or a comma."""
+    return next((s for s in (";", "\t", "|") if header.count(s) >= max(header.count(","), 1)), ",")
 
 
 def decimal_mark(lines: Sequence[str], between: str | None) -> str:
@@ -62,12 +66,18 @@ def decimal_mark(lines: Sequence[str], between: str | None) -> str:
     lines : sequence of str
         Some lines below the names.
     between : str or None
-        What separates the columns, None for blanks; where that is a comma, the decimal mark is a
-        point.
+        What separates the columns, None for blanks; where that is a comma, only a number in quotes
+        has a decimal comma.
     """
-    if between == ",":
-        return "."
-    fields = [field.strip() for line in lines for field in line.split(between)]
+    fields = [
+        field.strip()
+        for line in lines
+        for field in (
+            next(csv.reader([line], delimiter=between), [])
+            if between and '"' in line
+            else line.split(between)
+        )
+    ]
     commas, points = (
         sum(pattern.fullmatch(field) is not None for field in fields)
         for pattern in (_COMMA, _POINT)

@@ -31,10 +31,13 @@ class Audience:
     ----------
     publisher : rclpy.publisher.Publisher
         The publisher.
+    besides : int, optional
+        Number of subscriptions that do not count.
     """
 
-    def __init__(self, publisher: Any) -> None:
+    def __init__(self, publisher: Any, besides: int = 0) -> None:
         self._publisher = publisher
+        self._besides = besides
         self._present = False
         self._look_at = 0.0
 
@@ -43,7 +46,7 @@ class Audience:
         now = time.monotonic()
         if now >= self._look_at:
             self._look_at = now + LOOK_PERIOD
-            self._present = self._publisher.get_subscription_count() > 0
+            self._present = self._publisher.get_subscription_count() > self._besides
         return self._present
 
 
@@ -60,6 +63,8 @@ class JointStatePublisher:
         Messages that are kept for a slow subscriber.
     frame_id : str, optional
         Of every message.
+    besides : int, optional
+        Number of subscriptions for which nothing is published.
 
     Attributes
     ----------
@@ -67,10 +72,12 @@ class JointStatePublisher:
         Whether the topic has subscribers, see `Audience.present`.
     """
 
-    def __init__(self, node: Any, topic: str, depth: int, frame_id: str = "") -> None:
+    def __init__(
+        self, node: Any, topic: str, depth: int, frame_id: str = "", *, besides: int = 0
+    ) -> None:
         self._publisher = node.create_publisher(JointState, topic, depth)
         self._writer = JointStateWriter(frame_id)
-        self.heard = Audience(self._publisher).present
+        self.heard = Audience(self._publisher, besides).present
 
     def publish(
         self,

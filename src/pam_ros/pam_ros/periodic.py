@@ -16,6 +16,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 from pam_ros.memory_lock import lock_memory
 
@@ -72,6 +73,45 @@ def take_priority(priority: int, thread: int = 0) -> int:
     return priority
 
 
+class Loop(Protocol):
+    """What a node knows of the loop that runs its cycles: `PeriodicLoop`, or its share of one."""
+
+    @property
+    def period(self) -> float:
+        """Time between two cycles [s]."""
+
+    @property
+    def running(self) -> bool:
+        """Whether cycles are run."""
+
+    @property
+    def busy(self) -> bool:
+        """Whether a cycle is in progress."""
+
+    @property
+    def statistics(self) -> LoopStatistics:
+        """The timing of the loop since its start."""
+
+    def start(self) -> None:
+        """Run cycles from now on."""
+
+    def stop(self, timeout: float = 2.0) -> None:
+        """Run no further cycle; the last one has ended when this returns."""
+
+    def check(self) -> None:
+        """Raise the exception that ended the loop, if there was one."""
+
+    def shift(self, seconds: float) -> None:
+        """Move all later cycles by this time [s]; for use in a cycle."""
+
+    def share_priority(self) -> None:
+        """Give the other threads of this process a real-time priority too, if the loop has one."""
+
+
+MakeLoop = Callable[[Callable[[float], object], float, str, int], Loop]
+"""Makes a loop of step, period [s], name and priority, as `PeriodicLoop` does."""
+
+
 class PeriodicLoop:
     """Calls `step(now)` every `period` seconds in one thread.
 
@@ -87,6 +127,13 @@ class PeriodicLoop:
         Name of the thread.
     priority : int, optional
         Requested real-time priority, see `take_priority`.
+
+    Attributes
+    ----------
+    period : float
+        As given [s].
+    busy : bool
+        Whether a call is in progress.
 
     Raises
     ------
@@ -117,6 +164,7 @@ class PeriodicLoop:
         self._cycles = self._late = self._skipped = 0
         self._worst = 0.0
         self._shift = 0.0
+        self.busy = False
 
     @property
     def running(self) -> bool:
@@ -207,7 +255,9 @@ class PeriodicLoop:
                 self._worst = max(self._worst, lateness)
                 if lateness > 0.5 * period:
                     self._late += 1
+                self.busy = True
                 self._step(now)
+                self.busy = False
                 deadline += period + self._shift
                 self._shift = 0.0
                 now = time.monotonic()

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from pam_ros.periodic import PeriodicLoop
+from pam_ros.periodic import Loop
 
 WAIT: Final = 0.0004
 """How long after the arrival a cycle should begin, as an allowance for jitter [s]."""
@@ -22,11 +22,11 @@ class PhaseFollower:
 
     Parameters
     ----------
-    loop : PeriodicLoop
+    loop : Loop
         The loop, which calls `follow` in its own thread.
     """
 
-    def __init__(self, loop: PeriodicLoop) -> None:
+    def __init__(self, loop: Loop) -> None:
         self._loop = loop
 
     def follow(self, age: float) -> None:

@@ -12,6 +12,7 @@ from rclpy.signals import SignalHandlerOptions
 from pam_ros.errors import ParameterError
 from pam_ros.node_help import reason_of_rcl
 from pam_ros.parameter_files import remember_arguments
+from pam_ros.quick_log import leave_source_code_alone
 from pam_ros.transport import leave_out_shared_memory
 
 
@@ -29,6 +30,7 @@ def start_ros(arguments: Sequence[str] | None = None) -> None:
         Where a variable of the environment cannot be used, or no folder for the log can be made.
     """
     leave_out_shared_memory()
+    leave_source_code_alone()
     remember_arguments(sys.argv if arguments is None else arguments)
     try:
         rclpy.init(

@@ -8,6 +8,7 @@ Therefore the main loop calls what is due itself, and another thread wakes the e
 
 from __future__ import annotations
 
+import gc
 import math
 import threading
 import time
@@ -45,10 +46,17 @@ class SteadyTimer:
 
 
 class SteadyTimers:
-    """The timers of a node, which its main loop calls."""
+    """The timers of a node, which its main loop calls.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    *others : SteadyTimers
+        Timers of other nodes in the same main loop, which are called as well.
+    """
+
+    def __init__(self, *others: SteadyTimers) -> None:
         self._timers: list[SteadyTimer] = []
+        self._others = others
 
     def add(self, period: float, callback: Callable[[], object]) -> SteadyTimer:
         """A timer with a period [s]; its callback is called without arguments."""
@@ -59,7 +67,8 @@ class SteadyTimers:
     def until_next(self) -> float:
         """Time until the next callback is due [s], at most `TURN`."""
         now = time.monotonic()
-        return min((timer.due - now for timer in self._timers), default=TURN)
+        own = min((timer.due - now for timer in self._timers), default=TURN)
+        return min([own, *(other.until_next() for other in self._others)])
 
     def call_due(self) -> None:
         """Call what is due; periods that were missed are left out."""
@@ -69,6 +78,8 @@ class SteadyTimers:
                 following = timer.due + timer.period
                 timer.due = following if following > now else now + timer.period
                 timer.callback()
+        for other in self._others:
+            other.call_due()
 
 
 def turns(
@@ -90,6 +101,7 @@ def turns(
     Exception
         What a callback raised, also one whose caller swallows it, see `pam_ros.unforeseen`.
     """
+    gc.enable()  # it is off while a program starts (`pam_model.command_line.start_node`)
     for node in executor.get_nodes():
         guard_callbacks(node)
     with _kept_awake(executor):

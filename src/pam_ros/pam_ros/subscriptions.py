@@ -223,7 +223,8 @@ def subscribe(
     Returns
     -------
     rclpy.subscription.Subscription
-        Its `callback` is a `GuardedTopic`.
+        Its `callback` is a `GuardedTopic`, until a main loop guards the node's callbacks
+        (`pam_ros.unforeseen.guard_callbacks`).
     """
     if read is None:
         read = partial(checked if raw else decode, kind=kind)

@@ -20,7 +20,7 @@ NAMES = {
         "DeclareLaunchArgument", "EmitEvent", "ExecuteProcess", "IncludeLaunchDescription",
         "LogInfo", "OpaqueFunction", "RegisterEventHandler", "TimerAction",
     ),
-    "launch.conditions": ("IfCondition",),
+    "launch.conditions": ("IfCondition", "UnlessCondition"),
     "launch.event_handlers": ("OnProcessExit",),
     "launch.events": ("Shutdown",),
     "launch.events.process": ("ProcessExited",),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import threading
 import time
 from collections.abc import Callable
@@ -10,6 +9,7 @@ from types import TracebackType
 from typing import Any, Self
 
 import rclpy
+from rclpy._rclpy_pybind11 import RCLError
 from rclpy.context import Context
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
@@ -26,19 +26,21 @@ class Probe:
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)
         self._news = threading.Condition()
-        self._messages: dict[str, list[Any]] = {}
         self._publishers: dict[str, Any] = {}
         self._thread = threading.Thread(target=self._spin, daemon=True)
         self._thread.start()
 
     def _spin(self) -> None:
-        with contextlib.suppress(ExternalShutdownException):
+        try:
             while self._context.ok():
                 self._executor.spin_once(timeout_sec=0.05)
+        except (ExternalShutdownException, RCLError):
+            if self._context.ok():  # else the context was closed in the middle of a turn
+                raise
 
     def listen(self, message_type: Any, topic: str) -> list[Any]:
         """Messages of a topic from now on, as a list that grows."""
-        received: list[Any] = self._messages.setdefault(topic, [])
+        received: list[Any] = []
 
         def keep(message: Any) -> None:
             with self._news:

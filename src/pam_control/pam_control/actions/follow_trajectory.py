@@ -14,6 +14,7 @@ from typing import Any
 from pam_control.actions.goal_tolerances import GoalCode, GoalError, goal_tolerances
 from pam_control.actions.trajectory_goal import Outcome, TrajectoryGoal
 from pam_control.command_intake import CommandIntake
+from pam_control.control_step import JointTelemetry
 from pam_control.controller import Controller
 from pam_control.references.trajectory import CommandError, JointNameError, PastTrajectoryError
 from pam_control.references.trajectory import TrajectoryPoint as Point
@@ -104,7 +105,11 @@ class FollowTrajectory:
     def observe(self, now: float) -> None:
         """Judge the active goal after a control cycle at `now` [s]; the lock must be held."""
         if self._goal is not None:
-            self._goal.observe(now, self._controller.channels, self._controller.references)
+            self._goal.observe(now, self._telemetry(), self._controller.references)
+
+    def _telemetry(self) -> dict[str, JointTelemetry]:
+        names = self._controller.rig.joint_names
+        return dict(zip(names, self._controller.telemetry, strict=True))
 
     def drop(self, reason: str) -> None:
         """End the active goal: the driver has stopped the motion; the lock must be held."""
@@ -255,17 +260,18 @@ class FollowTrajectory:
     def _feedback(self, goal: TrajectoryGoal) -> Any:
         message = FollowJointTrajectory.Feedback(joint_names=goal.names)
         message.header.stamp = self._node.get_clock().now().to_msg()
-        channels = {channel.joint.name: channel for channel in self._controller.channels}
-        own = [channels[name] for name in goal.names]
-        references = [channel.telemetry.reference for channel in own]
+        telemetry = self._telemetry()
+        own = [telemetry[name] for name in goal.names]
+        references = [joint.reference for joint in own]
         message.desired.positions = [each.position for each in references]
         message.desired.velocities = [each.velocity for each in references]
         message.desired.accelerations = [each.acceleration for each in references]
-        message.actual.positions = [channel.position for channel in own]
-        message.actual.velocities = [channel.velocity for channel in own]
-        message.error.positions = [channel.telemetry.error for channel in own]
+        message.actual.positions = [joint.motion.position for joint in own]
+        message.actual.velocities = [joint.motion.velocity for joint in own]
+        message.error.positions = [joint.error for joint in own]
         message.error.velocities = [
-            each.velocity - channel.velocity for each, channel in zip(references, own, strict=True)
+            each.velocity - joint.motion.velocity
+            for each, joint in zip(references, own, strict=True)
         ]
         gone = self._clock() - goal.begin
         for part in (message.desired, message.actual, message.error):

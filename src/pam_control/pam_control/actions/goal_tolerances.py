@@ -11,11 +11,11 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Protocol
+from typing import Final, Protocol
 
+from pam_control.declared import Declared, Value
 from pam_control.references.trajectory import CommandError
 from pam_ros.foreign_text import shown
-from pam_ros.parameters import Parameter, Value
 
 ERASED = -1.0
 STOPPED = 0.1
@@ -73,43 +73,35 @@ class NamedTolerance(Protocol):
     acceleration: float
 
 
-def tolerance_parameters(joint_names: Sequence[str]) -> list[Parameter]:
-    """The parameters of the node that are defaults of tolerances.
+PARAMETERS: Final = (
+    Declared(
+        "action_monitor_rate", 20.0, "Hz", 1.0, 200.0,
+        "rate at which the action ~/follow_joint_trajectory sends feedback and results", fixed=True,
+    ),
+    Declared(
+        "constraints.goal_time", 0.0, "s", 0.0, 600.0,
+        "how long after the end of its trajectory a goal may take to be reached; 0: no limit",
+    ),
+    Declared(
+        "constraints.stopped_velocity_tolerance", STOPPED, "rad/s", 0.0, 100.0,
+        "speed below which a joint has reached its goal; 0: no limit",
+    ),
+)  # fmt: skip
+"""Parameters of the node that are defaults of tolerances."""
 
-    Parameters
-    ----------
-    joint_names : sequence of str
-        Names of the joints.
-    """
-    table = [
-        Parameter(
-            "action_monitor_rate", 20.0, "Hz", 1.0, 200.0,
-            "rate at which the action ~/follow_joint_trajectory sends feedback and results",
+
+def joint_tolerances(joint: str) -> tuple[Declared, ...]:
+    """The same for one joint, by its name."""
+    return (
+        Declared(
+            f"constraints.{joint}.trajectory", 0.0, "rad", 0.0, 10.0,
+            f"largest error of {joint} while an action goal is followed; 0: no limit",
         ),
-        Parameter(
-            "constraints.goal_time", 0.0, "s", 0.0, 600.0,
-            "how long after the end of its trajectory a goal may take to be reached; 0: no limit",
-            changeable=True,
+        Declared(
+            f"constraints.{joint}.goal", 0.0, "rad", 0.0, 10.0,
+            f"largest error of {joint} at the end of an action goal; 0: no limit",
         ),
-        Parameter(
-            "constraints.stopped_velocity_tolerance", STOPPED, "rad/s", 0.0, 100.0,
-            "speed below which a joint has reached its goal; 0: no limit", changeable=True,
-        ),
-    ]  # fmt: skip
-    for name in joint_names:
-        table += [
-            Parameter(
-                f"constraints.{name}.trajectory", 0.0, "rad", 0.0, 10.0,
-                f"largest error of {name} while an action goal is followed; 0: no limit",
-                changeable=True,
-            ),
-            Parameter(
-                f"constraints.{name}.goal", 0.0, "rad", 0.0, 10.0,
-                f"largest error of {name} at the end of an action goal; 0: no limit",
-                changeable=True,
-            ),
-        ]  # fmt: skip
-    return table
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,11 +7,11 @@ within the goal time. A violation stops the joints, which brake and hold.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from pam_control.actions.goal_tolerances import GoalCode, GoalTolerances
-from pam_control.joint_channel import JointChannel
+from pam_control.control_step import JointTelemetry
 from pam_control.references.reference_generator import ReferenceGenerator
 from pam_control.references.spline import JointSpline
 from pam_model.within_limits import beyond, within
@@ -82,7 +82,10 @@ class TrajectoryGoal:
         return list(self.splines)
 
     def observe(
-        self, now: float, channels: Sequence[JointChannel], references: ReferenceGenerator
+        self,
+        now: float,
+        telemetry: Mapping[str, JointTelemetry],
+        references: ReferenceGenerator,
     ) -> None:
         """Judge the goal after a control cycle; a violation stops the joints.
 
@@ -90,8 +93,8 @@ class TrajectoryGoal:
         ----------
         now : float
             Present time [s].
-        channels : sequence of JointChannel
-            All joints of the rig, after the cycle.
+        telemetry : mapping of str to JointTelemetry
+            Of all joints of the rig, after the cycle, by name.
         references : ReferenceGenerator
             The references of the controller.
         """
@@ -102,7 +105,7 @@ class TrajectoryGoal:
                 what = _REPLACED_BY[references.following(name)]
                 self.outcome = Outcome(GoalCode.INVALID_GOAL, f"{name}: replaced by {what}")
                 return
-        own = [channel for channel in channels if channel.joint.name in self.splines]
+        own = {name: joint for name, joint in telemetry.items() if name in self.splines}
         if now < self.end:
             self._judge_path(own)
         else:
@@ -110,25 +113,22 @@ class TrajectoryGoal:
         if self.outcome is not None and not self.outcome.reached:
             references.stop(self.names, now)
 
-    def _judge_path(self, channels: Sequence[JointChannel]) -> None:
-        for channel in channels:
-            tolerance = self._tolerances.path[channel.joint.name]
-            speed = channel.telemetry.reference.velocity - channel.velocity
-            text = _violation(
-                channel, channel.telemetry.error, tolerance.position, speed, tolerance.velocity
-            )
+    def _judge_path(self, joints: Mapping[str, JointTelemetry]) -> None:
+        for name, joint in joints.items():
+            tolerance = self._tolerances.path[name]
+            speed = joint.reference.velocity - joint.motion.velocity
+            text = _violation(name, joint.error, tolerance.position, speed, tolerance.velocity)
             if text:
                 self.outcome = Outcome(GoalCode.PATH_TOLERANCE_VIOLATED, f"{text} on the way")
                 return
 
-    def _judge_end(self, now: float, channels: Sequence[JointChannel]) -> None:
+    def _judge_end(self, now: float, joints: Mapping[str, JointTelemetry]) -> None:
         text = ""
-        for channel in channels:
-            name = channel.joint.name
+        for name, joint in joints.items():
             tolerance = self._tolerances.goal[name]
-            error = self.splines[name].end_position - channel.position
-            speed = channel.telemetry.reference.velocity - channel.velocity
-            text = text or _violation(channel, error, tolerance.position, speed, tolerance.velocity)
+            error = self.splines[name].end_position - joint.motion.position
+            speed = joint.reference.velocity - joint.motion.velocity
+            text = text or _violation(name, error, tolerance.position, speed, tolerance.velocity)
         if not text:
             self.outcome = Outcome(GoalCode.SUCCESSFUL, self._note, reached=True)
         elif now > self.end + self._tolerances.goal_time:
@@ -136,15 +136,8 @@ class TrajectoryGoal:
             self.outcome = Outcome(GoalCode.GOAL_TOLERANCE_VIOLATED, late)
 
 
-def _violation(
-    channel: JointChannel,
-    error: float,
-    most: float,
-    speed: float,
-    fastest: float,
-) -> str:
+def _violation(name: str, error: float, most: float, speed: float, fastest: float) -> str:
     """Which tolerance a joint violates; empty if none."""
-    name = channel.joint.name
     if not within(error, -most, most):
         off, _, permitted = beyond(error, -most, most)
         return f"{name} is {off} rad off, tolerance {permitted} rad"

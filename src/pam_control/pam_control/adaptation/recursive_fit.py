@@ -89,10 +89,6 @@ class RecursiveFit:
         self._threshold, self._suspect, self._positive = threshold, suspect, positive
         self.forget()
 
-    def doubt(self, functions: slice, doubted: bool) -> None:
-        """Leave functions out of the fit, or take them in again, with all that was seen."""
-        self._doubt[functions] = DOUBTED if doubted else 1.0
-
     def forget(self) -> None:
         """Nothing is known."""
         count = len(self._penalty)

@@ -39,11 +39,11 @@ from pam_control.adaptation.rig_numbers import (
     RigNumbers,
     fitted_numbers,
 )
-from pam_control.compensation.inverse_dynamics import InverseDynamics
 from pam_model.effects import effect_value
 from pam_model.errors import PamError
 from pam_model.joints.antagonistic_joint import AntagonisticJoint
 from pam_model.rig import Joint, Rig
+from pam_model.views.inverse_dynamics import InverseDynamics
 
 FILTER: Final = 0.03  # s, of both filters
 SETTLING: Final = 0.3  # s, until they have forgotten how they began
@@ -193,8 +193,8 @@ class StiffnessEstimate:
             self._update(twice, speed, acceleration, elapsed)
 
     def _update(self, now: Array, speed: float, acceleration: float, elapsed: float) -> None:
-        inertia = self._dynamics.inertia * acceleration
-        damping = self._dynamics.viscous_friction * speed
+        inertia = self._dynamics.moving_torque(0.0, acceleration)
+        damping = self._dynamics.moving_torque(speed, 0.0)
         gravity = now[-2]
         # muscles + parts * changes = (1 + change) inertia + ... ; what lacks is on the left
         parts = np.concatenate((-now[1:-3], [inertia, damping, gravity, now[-3]]))

@@ -12,13 +12,14 @@ the acceleration would make the fit too small (errors in the variables), and bec
 is so small then that a delay can be told from friction.
 
 If the position is late by d compared with the pressures, the torque of the muscles at the measured
-position seems to be early: d times its rate at a fixed position is left over. That is a suspect of
-the fit, since it resembles viscous friction (`recursive_fit`). The controller compares a late
+position seems to be early: d times its rate at a fixed position is left over. It resembles friction
+so much that only a rival explanation can have it (`averaged_fit`). The controller compares a late
 position with the reference of that earlier time, and late pressures with the plan of theirs.
 
 Nothing is learnt from a joint that stands still, because its friction may then be anything, and
-friction is learnt only when the joint has moved in both directions: before, it looks like a
-constant torque.
+what a slow joint shows counts by the way, not by the time. Dry friction and presliding are
+ordinary: an explanation with them is the more probable one before anything was seen. Neither dry
+friction nor the whole viscous friction is negative.
 
 Source: J.-J. E. Slotine and W. Li, Applied Nonlinear Control, Prentice Hall 1991, section 8.7
 (filtered regression without acceleration) and 9.2 (adaptive feedforward of a robot). The function
@@ -34,24 +35,36 @@ from typing import Final
 
 import numpy as np
 
+from pam_control.adaptation.averaged_fit import AveragedFit, Rival
 from pam_control.adaptation.motion_functions import DEVIATIONS, SLIP_LENGTHS, MotionMemory
-from pam_control.adaptation.recursive_fit import RecursiveFit, Suspect
 from pam_control.limited import limited
 from pam_control.references.spline import JointReference
 
 FILTER: Final = 0.03  # s, T
 EVERY: Final = 0.01  # s between two updates of the fit
 NOISE: Final = 3e-4  # of the largest torque: what the functions cannot fit, and the encoder's steps
+ERRORS: Final = 5e-4  # of the largest torque: what a fit leaves that has seen little
 TRIFLE: Final = 1e-3  # of the largest torque; less is left to the feedback
-SLOWEST: Final = 0.04  # rad/s
+SLOW: Final = 0.1  # rad/s; below it a sample counts by the way, not by the time
+VISCOUS: Final = 3  # index of the speed
+STILL: Final = 0.02  # rad/s
 DELAY_DEVIATION: Final = 0.01  # s
-DELAY: Final = Suspect(least=2e-3, better=2.0)
+LEAST_DELAY: Final = 2e-3  # s; smaller ones are not believed
 LONGEST_DELAY: Final = 0.04  # s
-DELAY_RATE: Final = 0.02  # s/s, at which the reference is moved to a delay that was found
-SLIPS: Final = slice(5, 5 + len(SLIP_LENGTHS))  # indices of the slip elements' functions
-BOTH_WAYS: Final = 0.15  # rad in each direction, before friction is believed
-DRY: Final = 0.02  # rad; longer slip elements are hysteresis, by which a joint does not stick
+DELAY_RATE: Final = 0.06  # s/s, at which the reference is moved to a delay that was found
+SMOOTH: Final = (0, 1, 2, 3, 4, 5 + len(SLIP_LENGTHS), 6 + len(SLIP_LENGTHS))
+SLIPS: Final = tuple(range(5, 5 + len(SLIP_LENGTHS)))
+DELAY: Final = 7 + len(SLIP_LENGTHS)
+RIVALS: Final = (
+    Rival(SMOOTH, 0.0),
+    Rival((*SMOOTH, *SLIPS), 2.0),
+    Rival((*SMOOTH, DELAY), 0.0, better=2.0),
+    Rival((*SMOOTH, *SLIPS, DELAY), 0.0, better=2.0),
+)
+"""By the numbers of the functions of `motion_functions`, after which comes the delay. Dry friction
+is ordinary; a delay has to explain what nothing else does."""
 SLOW_FUNCTIONS: Final = 3  # 1, q and q^3: what the integral of the feedback carries meanwhile
+DRY: Final = 0.02  # rad; longer slip elements are hysteresis, by which a joint does not stick
 
 
 @dataclass(slots=True)
@@ -102,11 +115,13 @@ class TorqueAdaptation:
 
     def __init__(self, inertia: float, damping: float, largest: float, turn: float = 0.0) -> None:
         self._inertia, self._damping, self._turn = inertia, damping, turn
-        self._fit = RecursiveFit(
+        self._fit = AveragedFit(
             [*(largest * each for each in DEVIATIONS), DELAY_DEVIATION],
+            RIVALS,
             NOISE * largest,
+            ERRORS * largest,
             TRIFLE * largest,
-            DELAY,
+            {VISCOUS: -damping, **dict.fromkeys(SLIPS, 0.0)},
         )
         self._measured, self._planned = MotionMemory(), MotionMemory()
         self.forget()
@@ -115,8 +130,6 @@ class TorqueAdaptation:
     def forget(self) -> None:
         """Nothing is known."""
         self._fit.forget()
-        self._fit.doubt(SLIPS, True)
-        self._forth = self._back = 0.0
         self.delay = self.friction = 0.0
 
     @property
@@ -130,8 +143,8 @@ class TorqueAdaptation:
         return self._fit.weights
 
     def _dry_friction(self) -> float:
-        slips = zip(self._fit.weights[SLIPS], SLIP_LENGTHS, strict=True)
-        return abs(sum(weight for weight, length in slips if length < DRY))
+        slips = zip(SLIPS, SLIP_LENGTHS, strict=True)
+        return sum(self._fit.weights[place] for place, length in slips if length < DRY)
 
     def restart(self) -> None:
         """Begin with a joint at rest; what was learnt is kept."""
@@ -174,7 +187,7 @@ class TorqueAdaptation:
         if self._since < EVERY:
             return 0.0
         learnt = 0.0
-        if abs(self._speed_twice) > SLOWEST:
+        if abs(self._speed_twice) > STILL:
             # the difference below is the acceleration half a period ago
             smooth = 0.5 * (np.array(before) + np.array(self._twice))
             speed = 0.5 * (speed_before + self._speed_twice)
@@ -182,17 +195,20 @@ class TorqueAdaptation:
             model = self._damping * motion[0] + self._inertia * motion[1]
             functions = np.concatenate((smooth[1:4], motion, smooth[4:]))
             learnt = -self._slow_part()
-            self._forth += max(speed, 0.0) * self._since
-            self._back -= min(speed, 0.0) * self._since
-            self._fit.doubt(SLIPS, min(self._forth, self._back) < BOTH_WAYS)
-            self._fit.update(functions, float(smooth[0]) - model, self._since)
+            counted = self._since * min(abs(speed) / SLOW, 1.0)
+            self._fit.update(functions, float(smooth[0]) - model, counted)
             learnt += self._slow_part()
             self.friction = self._dry_friction()
         self._since = 0.0
         return learnt
 
     def _move_delay(self, step: float) -> None:
-        wanted = limited(self._fit.weights[-1], -LONGEST_DELAY, LONGEST_DELAY)
+        # a wrong delay is an error of the position itself: the median of what is believed
+        likely, wanted = self._fit.certainty(DELAY), 0.0
+        if likely > 0.5:
+            wanted = limited(self._fit.weights[DELAY] / likely, -LONGEST_DELAY, LONGEST_DELAY)
+        if abs(wanted) < LEAST_DELAY:
+            wanted = 0.0
         reach = DELAY_RATE * step
         self.delay += limited(wanted - self.delay, -reach, reach)
 

@@ -27,10 +27,9 @@ def is_stable(case: LoopCase, timing: LoopTiming, gains: PidGains) -> bool:
         pid = control.ss([], [], [], [[gains.proportional]])
     if gains.derivative != 0.0:
         Tf = max(gains.derivative_filter, 1e-4)
-        slope = control.ss(
-            [[-1.0 / Tf]], [[1.0]], [[-gains.derivative / Tf**2]], [[gains.derivative / Tf]]
-        )
-        pid = control.parallel(pid, slope)
+        slope = control.ss([[-1.0 / Tf]], [[1.0]], [[-1.0 / Tf**2]], [[1.0 / Tf]])
+        led = _gain([[1.0]]) + gains.lead * slope if gains.lead > 0.0 else _gain([[1.0]])
+        pid = control.parallel(pid, gains.derivative * control.series(slope, led))
     closed = control.feedback(control.series(pid, state_space(case.point, case.loop, timing)), 1)
     return bool(np.all(closed.poles().real < 0.0))
 

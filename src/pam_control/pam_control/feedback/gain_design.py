@@ -61,6 +61,8 @@ class DesignTask:
     unknown_delay : float or None
         With a disturbance observer: the part of the transport delay that is assumed, which may
         just as well be in one of the measurements alone [s]. None: without an observer.
+    lead : float
+        Time constant of the lead on the derivative, which the designed gains have [s].
     """
 
     cases: tuple[LoopCase, ...]
@@ -70,6 +72,7 @@ class DesignTask:
     derivative_filter: float
     band: tuple[float, float] = TRACKING_BAND
     unknown_delay: float | None = None
+    lead: float = 0.0
 
 
 def design_pressure_gain(timing: LoopTiming, phase_margin: float = PRESSURE_PHASE_MARGIN) -> float:
@@ -112,6 +115,7 @@ class PidCost:
         self._plant = np.ascontiguousarray(plant.real), np.ascontiguousarray(plant.imag)
         s = 1j * OMEGA
         slope = s / (task.derivative_filter * s + 1.0)
+        slope = slope * (1.0 + task.lead * slope)
         self._slope = np.ascontiguousarray(slope.real), np.ascontiguousarray(slope.imag)
         hertz = OMEGA / (2.0 * math.pi)
         low, high = np.searchsorted(hertz, task.band)
@@ -120,7 +124,7 @@ class PidCost:
     def gains(self, exponents: Real) -> PidGains:
         """The gains at a point of the search, which is given as three exponents of ten."""
         kp, ki, kd = (self._scale * 10.0 ** float(exponent) for exponent in exponents)
-        return PidGains(kp, ki, kd, self._task.derivative_filter)
+        return PidGains(kp, ki, kd, self._task.derivative_filter, lead=self._task.lead)
 
     def __call__(self, exponents: Real) -> float:
         """Cost at a point of the search."""
@@ -132,7 +136,7 @@ class PidCost:
         Parameters
         ----------
         gains : PidGains
-            Gains with the derivative filter of the task.
+            Gains with the derivative filter and the lead of the task.
         """
         (plant_re, plant_im), (slope_re, slope_im) = self._plant, self._slope
         pid_re = gains.proportional + gains.derivative * slope_re

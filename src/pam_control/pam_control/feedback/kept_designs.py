@@ -31,6 +31,7 @@ import numpy as np
 import scipy
 
 from pam_control.feedback.gain_design import INFEASIBLE, DesignTask, PidCost, design_pid
+from pam_control.feedback.gain_schedule import GainSchedule
 from pam_control.feedback.linear_joint import LoopTiming
 from pam_control.feedback.margins import ControlDesignError, LoopCase
 from pam_control.feedback.observer_design import ObserverCost, design_with_observer
@@ -42,7 +43,14 @@ LARGEST_FILE = 1_000_000  # bytes; a design of 9 operating points takes 5 kB
 MOST_FILES = 512
 LARGEST_GAIN = 1e12  # plausibility limit of stored gains, far above any design
 GAINS, POLES = ".gains.json", ".poles.json"  # suffixes of the files
-CODE = ("closed_loop", "gain_design", "linear_joint", "loop_shape", "observer_design")
+CODE = (
+    "closed_loop",
+    "gain_design",
+    "gain_schedule",
+    "linear_joint",
+    "loop_shape",
+    "observer_design",
+)
 COST_TOLERANCE = 1e-6  # relative; covers the rounding differences between processors
 
 
@@ -65,7 +73,8 @@ class DesignReport:
     Attributes
     ----------
     designed, shared, read : int
-        Number of joints whose gains were designed, taken from an equal joint, or read from disk.
+        Number of designs, one for each joint and stiffness, that were made anew, taken from an
+        equal joint, or read from disk.
     seconds : float
         Total time [s].
     problem : str
@@ -171,7 +180,9 @@ class KeptDesigns:
         self._found[task] = gains
         return gains
 
-    def stable(self, cases: Sequence[LoopCase], timing: LoopTiming, gains: PidGains) -> list[bool]:
+    def stable(
+        self, cases: Sequence[LoopCase], timing: LoopTiming, gains: GainSchedule
+    ) -> list[bool]:
         """Whether the poles of each of these closed loops lie in the left half plane."""
         loop = (tuple(cases), timing, gains)
         if loop in self._stable:
@@ -203,7 +214,7 @@ class KeptDesigns:
         if not all(0.0 <= value < LARGEST_GAIN for value in numbers):
             return None
         kp, ki, kd, observer = numbers
-        gains = PidGains(kp, ki, kd, task.derivative_filter, observer)
+        gains = PidGains(kp, ki, kd, task.derivative_filter, observer, task.lead)
         cost = _cost(task, gains)
         reached = cost < INFEASIBLE and math.isclose(cost, written, rel_tol=COST_TOLERANCE)
         return gains if reached else None
@@ -262,7 +273,7 @@ def _design(joint: str, task: DesignTask) -> PidGains:
     return design(joint, task)
 
 
-def _stable(cases: Sequence[LoopCase], timing: LoopTiming, gains: PidGains) -> list[bool]:
+def _stable(cases: Sequence[LoopCase], timing: LoopTiming, gains: GainSchedule) -> list[bool]:
     try:  # python-control takes more than a second to import, and is optional
         from pam_control.feedback.closed_loop import is_stable  # noqa: PLC0415
     except ModuleNotFoundError as error:
@@ -271,7 +282,7 @@ def _stable(cases: Sequence[LoopCase], timing: LoopTiming, gains: PidGains) -> l
             raise
         raise ControlDesignError(told) from None
 
-    return [is_stable(case, timing, gains) for case in cases]
+    return [is_stable(case, timing, gains.at(case.scheduled)) for case in cases]
 
 
 def _cost(task: DesignTask, gains: PidGains) -> float:

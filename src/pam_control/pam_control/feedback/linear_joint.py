@@ -15,6 +15,7 @@ depend on the pressure; the inverse of the ISO 6358 flow makes their gain one.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -63,6 +64,10 @@ class OperatingPoint:
     motion_pressure: Pair
     per_torque: Pair
     per_position: Pair
+
+    def swinging_spring(self, frequency: float) -> float:
+        """Spring [N m/rad] on which the joint would swing with a frequency [Hz]."""
+        return self.inertia * (2.0 * math.pi * frequency) ** 2
 
 
 @dataclass(frozen=True, slots=True)

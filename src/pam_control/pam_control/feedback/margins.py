@@ -21,6 +21,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from pam_control.feedback.gain_schedule import GainSchedule
 from pam_control.feedback.linear_joint import (
     Complex,
     LoopStructure,
@@ -46,10 +47,22 @@ class ControlDesignError(PamError):
 
 @dataclass(frozen=True, slots=True)
 class LoopCase:
-    """One operating point, and how the control law is connected there."""
+    """One operating point, and how the control law is connected there.
+
+    Attributes
+    ----------
+    point : OperatingPoint
+        The equilibrium.
+    loop : LoopStructure
+        The connection.
+    scheduled : float
+        Stiffness by which the gains are scheduled there [N m/rad]: the asked one, which gravity or
+        the pressures may not allow. 0 for a law whose gains are not scheduled.
+    """
 
     point: OperatingPoint
     loop: LoopStructure
+    scheduled: float = 0.0
 
 
 class LoopMargins(NamedTuple):
@@ -103,8 +116,9 @@ class Margins:
 def pid_response(gains: PidGains, omega: Frequencies) -> Complex:
     """Frequency response of the PID at `omega` [rad/s]."""
     s = 1j * omega
-    slope = gains.derivative * s / (gains.derivative_filter * s + 1.0)
-    return np.asarray(gains.proportional + gains.integral / s + slope, dtype=np.complex128)
+    slope = s / (gains.derivative_filter * s + 1.0)
+    led = gains.derivative * slope * (1.0 + gains.lead * slope)
+    return np.asarray(gains.proportional + gains.integral / s + led, dtype=np.complex128)
 
 
 def loop_margins(respond: Response, grid: Frequencies = GRID) -> LoopMargins:
@@ -182,7 +196,7 @@ def checked_margins(
     joint: str,
     cases: Sequence[LoopCase],
     timing: LoopTiming,
-    gains: PidGains,
+    gains: GainSchedule,
     stable: Sequence[bool],
 ) -> list[Margins]:
     """Margins at every operating point, the one with the least phase margin first.
@@ -195,15 +209,19 @@ def checked_margins(
         When a loop is unstable or has less than 30 degrees of phase margin.
     """
     found = sorted(
-        (margins(case, timing, gains, s) for case, s in zip(cases, stable, strict=True)),
+        (
+            margins(case, timing, gains.at(case.scheduled), s)
+            for case, s in zip(cases, stable, strict=True)
+        ),
         key=lambda each: (each.stable, each.phase_margin),
     )
     worst = found[0]
     if not worst.stable or worst.phase_margin < LEAST_PHASE_MARGIN:
+        used = gains.at(worst.stiffness)
         raise ControlDesignError(
             f"{joint}: these gains are not safe, {worst}; needed: stable with at least "
-            f"{math.degrees(LEAST_PHASE_MARGIN):.0f} deg (proportional {gains.proportional:.3g}, "
-            f"integral {gains.integral:.3g}, derivative {gains.derivative:.3g}, loop delay "
+            f"{math.degrees(LEAST_PHASE_MARGIN):.0f} deg (proportional {used.proportional:.3g}, "
+            f"integral {used.integral:.3g}, derivative {used.derivative:.3g}, loop delay "
             f"{timing.delay * 1e3:.1f} ms)"
         )
     return found

@@ -57,7 +57,7 @@ class ObserverCost:
         timing, unknown = task.timing, task.unknown_delay or 0.0
         s = 1j * OMEGA
         self._s = s
-        self._filter = task.derivative_filter
+        self._filter, self._lead = task.derivative_filter, task.lead
         self._required = (task.phase_margin, task.sensitivity)
         told = dataclasses.replace(timing, transport_delay=timing.transport_delay - unknown)
         behind = np.exp(-unknown * s)
@@ -96,7 +96,7 @@ class ObserverCost:
         """The gains at a point of the search, which is given as three exponents of ten."""
         p, d, observer = (10.0 ** float(exponent) for exponent in exponents)
         kp, kd = self._scale * p, self._scale * d
-        return PidGains(kp, kp / INTEGRAL_TIME, kd, self._filter, observer)
+        return PidGains(kp, kp / INTEGRAL_TIME, kd, self._filter, observer, self._lead)
 
     def __call__(self, exponents: Real) -> float:
         """Cost at a point of the search."""
@@ -119,8 +119,9 @@ class ObserverCost:
         return self._excess(gains)[1]
 
     def _pid(self, gains: PidGains) -> Complex:
-        slope = gains.derivative * self._s / (gains.derivative_filter * self._s + 1.0)
-        result: Complex = np.asarray(gains.proportional + gains.integral / self._s + slope)
+        slope = self._s / (gains.derivative_filter * self._s + 1.0)
+        led = gains.derivative * slope * (1.0 + gains.lead * slope)
+        result: Complex = np.asarray(gains.proportional + gains.integral / self._s + led)
         return result
 
     def _observer(self, gains: PidGains) -> Complex:

@@ -7,16 +7,15 @@ physics.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
 
-from pam_control.compensation.inverse_dynamics import InverseDynamics
 from pam_control.feedback.linear_joint import OperatingPoint
 from pam_model.errors import PamError
 from pam_model.joints.antagonistic_joint import AntagonisticJoint
 from pam_model.robot import RobotJoint
+from pam_model.views.inverse_dynamics import InverseDynamics
 
 POSITION_SHARES = (0.05, 0.5, 0.95)
 PRESSURE_STEP = 10.0  # Pa
@@ -78,7 +77,7 @@ def _slope(high: Sequence[float], low: Sequence[float], step: float) -> list[flo
 
 def operating_grid(
     joint: RobotJoint, model: AntagonisticJoint, stiffnesses: Sequence[float]
-) -> list[OperatingPoint]:
+) -> list[tuple[float, OperatingPoint]]:
     """Equilibria over the joint's range and these stiffnesses.
 
     Parameters
@@ -89,7 +88,12 @@ def operating_grid(
         Inverse model of the joint.
     stiffnesses : sequence of float
         Desired values [N m/rad]. Where gravity or the pressures do not allow one, the nearest
-        possible stiffness is used; equal points are used once.
+        possible stiffness is used.
+
+    Returns
+    -------
+    list of (float, OperatingPoint)
+        The desired stiffness [N m/rad] and the equilibrium.
 
     Raises
     ------
@@ -98,7 +102,7 @@ def operating_grid(
     """
     dynamics = InverseDynamics.from_joint(joint)
     lower, upper = joint.position_limits
-    points: list[OperatingPoint] = []
+    points: list[tuple[float, OperatingPoint]] = []
     for share in POSITION_SHARES:
         position = lower + share * (upper - lower)
         torque = dynamics.gravity(position)
@@ -107,13 +111,7 @@ def operating_grid(
             if reached.torque_limited:
                 continue
             a, b = reached.agonist + PRESSURE_STEP, reached.antagonist + PRESSURE_STEP
-            if any(
-                point.position == position
-                and math.isclose(point.pressures[0], a, rel_tol=0.02, abs_tol=2e3)
-                for point in points
-            ):
-                continue
-            points.append(operating_point(joint, model, position, (a, b)))
+            points.append((stiffness, operating_point(joint, model, position, (a, b))))
     if not points:
         raise PamError(f"{joint.name}: its muscles cannot hold it at any position of its range")
     return points

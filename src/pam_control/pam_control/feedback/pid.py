@@ -1,7 +1,11 @@
-"""PID with a filtered derivative of the error and back-calculated anti-windup.
+"""PID with a filtered derivative of the error, a lead on it, and back-calculated anti-windup.
+
+The lead makes up for a lag between the output and the torque that it causes: the derivative passes
+1 + lead s, filtered as the derivative is.
 
 Source: K. J. Astrom and T. Hagglund, Advanced PID Control, ISA 2006, chapter 3 (parallel form,
-derivative filter, tracking time of the integrator).
+derivative filter, tracking time of the integrator); S. Jung and R. C. Dorf, "Analytic PIDA
+controller design technique for a third order system", CDC 1996 (the derivative of the derivative).
 """
 
 from __future__ import annotations
@@ -26,6 +30,8 @@ class PidGains:
         Time constant of the derivative's first-order filter [s].
     observer : float
         Bandwidth of the disturbance observer beside the PID [rad/s]; 0: none.
+    lead : float
+        Time constant of the lead on the derivative [s]; 0: none.
     """
 
     proportional: float
@@ -33,6 +39,7 @@ class PidGains:
     derivative: float
     derivative_filter: float
     observer: float = 0.0
+    lead: float = 0.0
 
     @property
     def tracking_time(self) -> float:
@@ -48,17 +55,17 @@ class Pid:
     def __init__(self) -> None:
         self.integral = 0.0
         self._error = math.nan
-        self._slope = 0.0
+        self._slope = self._bend = 0.0
 
     def reset(self, integral: float = 0.0) -> None:
         """Reset the state; for zero error the next output is `integral`."""
         self.integral = integral
         self._error = math.nan
-        self._slope = 0.0
+        self._slope = self._bend = 0.0
 
     def continue_at(self, output: float, error: float, gains: PidGains) -> None:
         """Set the integral so that these gains give `output` for the present error [rad]."""
-        self.integral = output - gains.proportional * error - gains.derivative * self._slope
+        self.integral = output - gains.proportional * error - self._led(gains)
 
     def output(self, error: float, step: float, gains: PidGains) -> float:
         """Output for `error` [rad], `step` [s] after the last one; step 0 means no new sample."""
@@ -66,18 +73,15 @@ class Pid:
             self._error = error
         if step > 0.0:
             weight = step / (gains.derivative_filter + step)
-            self._slope += weight * ((error - self._error) / step - self._slope)
+            change = weight * ((error - self._error) / step - self._slope)
+            self._bend += weight * (change / step - self._bend)
+            self._slope += change
             self._error = error
-        return gains.proportional * error + self.integral + gains.derivative * self._slope
+        return gains.proportional * error + self.integral + self._led(gains)
 
-    def hand_over(self, torque: float) -> None:
-        """Take from the integral what another part of the law gives from now on.
-
-        The integral only shrinks towards 0: what the proportional part carried was never in it.
-        """
-        if torque * self.integral > 0.0:
-            shrunk = max(abs(self.integral) - abs(torque), 0.0)
-            self.integral = math.copysign(shrunk, self.integral)
+    def _led(self, gains: PidGains) -> float:
+        """The derivative's part of the output."""
+        return gains.derivative * (self._slope + gains.lead * self._bend)
 
     def integrate(
         self,
@@ -115,3 +119,13 @@ class Pid:
             return
         limit = max(limit, abs(self.integral) * (1.0 - min(step / SHRINKING_TIME, 1.0)))
         self.integral = limited(self.integral + change, -limit, limit)
+
+
+def handed_over(integral: float, torque: float) -> float:
+    """An integral without what another part of the law gives from now on [N m].
+
+    The integral only shrinks towards 0: what the proportional part carried was never in it.
+    """
+    if torque * integral > 0.0:
+        return math.copysign(max(abs(integral) - abs(torque), 0.0), integral)
+    return integral

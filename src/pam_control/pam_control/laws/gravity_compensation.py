@@ -16,67 +16,99 @@ Admittance control for physical human-robot interaction, Int. J. Robotics Resear
 
 from __future__ import annotations
 
+import dataclasses
 import math
-from typing import Final
+from dataclasses import dataclass
+from typing import ClassVar, Final
 
-from pam_control.control_step import ControlOutput, Measurement
-from pam_control.feedback.kept_designs import KeptDesigns
-from pam_control.joint_channel import JointChannel, Pair
-from pam_control.laws.impedance import ImpedanceController
+from pam_control.control_step import PlanRequest, PressurePlan
+from pam_control.declared import BY_SIZE, declared, share_of_torque
+from pam_control.feedback.margins import LoopCase
+from pam_control.joint_models import JointModels
+from pam_control.laws.impedance import DAMPING, Impedance, ImpedanceState
+from pam_control.laws.law import Guidance, GuideRequest, Law, Start
 from pam_control.settings import ControlSettings
-from pam_model.rig import Rig
 
 FOLLOWING_TIME: Final = 0.1  # s, T
-LONGEST_STEP: Final = 0.02  # s
 
 
-class GravityCompensation(ImpedanceController):
+@dataclass(frozen=True, slots=True)
+class GravityCompensationState:
+    """State of one joint: that of its spring, and its rest angle [rad]."""
+
+    spring: ImpedanceState
+    rest: float = math.nan
+
+
+@dataclass(frozen=True)
+class GravityCompensation(Law[GravityCompensationState]):
     """The law of the module's docstring."""
 
-    def __init__(
-        self, rig: Rig, settings: ControlSettings, designs: KeptDesigns | None = None
-    ) -> None:
-        self._rest = [math.nan] * len(rig.joints)
-        self._held = False
-        super().__init__(rig, settings, designs)
+    name: ClassVar[str] = "gravity_compensation"
+    is_scheduled: ClassVar[bool] = True
+    against_motion: ClassVar[str] = "law gravity_compensation: the joints are moved by hand"
 
-    def reason_against_motion(self) -> str:
-        """Nothing but a hand moves the joints."""
-        return "law gravity_compensation: the joints are moved by hand"
+    damping: float = DAMPING.field()
+    hold_torque: float = declared(
+        "float.hold_torque",
+        BY_SIZE,
+        "N m",
+        0.001,
+        1e4,
+        "torque below which a joint stays where it is put",
+        by_size=share_of_torque(0.01),
+    )
+    speed_limit: float = declared(
+        "float.speed_limit", 0.5, "rad/s", 0.01, 10.0,
+        "largest speed at which a joint is moved by hand",
+    )  # fmt: skip
 
-    def stop(self, now: float) -> None:
-        """Brake all joints and hold them; the hand moves them again after a new activation."""
-        self._held = True
-        super().stop(now)
+    @property
+    def _spring(self) -> Impedance:
+        return Impedance(self.damping)
 
-    def lower(self, now: float) -> None:
-        """Brake all joints, let their air out slowly, then stop."""
-        self._held = True
-        super().lower(now)
+    def cases(self, models: JointModels, settings: ControlSettings) -> list[LoopCase]:
+        """The loops of the spring."""
+        return self._spring.cases(models, settings)
 
-    def _begin(self, index: int, channel: JointChannel, position: float, pressures: Pair) -> None:
-        super()._begin(index, channel, position, pressures)
-        self._rest[index] = channel.inside(position)
-        if not self.active:
-            self._held = False
+    def init(self, models: JointModels) -> GravityCompensationState:
+        """A joint that was not controlled."""
+        return GravityCompensationState(self._spring.init(models))
 
-    def step(self, time: float, measurement: Measurement) -> ControlOutput:
-        """One control cycle."""
-        if self.active and not self._held:
-            self._follow(min(max(time - self._time, 0.0), LONGEST_STEP))
-        return super().step(time, measurement)
+    def rest(
+        self, models: JointModels, state: GravityCompensationState
+    ) -> GravityCompensationState:
+        """The joint is taken over."""
+        return dataclasses.replace(state, spring=self._spring.rest(models, state.spring))
 
-    def _follow(self, step: float) -> None:
-        """Let the rest angles follow the hand for a step [s]."""
-        fastest = self.settings.float_speed_limit
-        for index, channel in enumerate(self.channels):
-            stiffness = channel.telemetry.stiffness
-            if math.isnan(channel.position) or not stiffness > 0.0:
-                continue
-            gap = channel.position - self._rest[index]
-            held = channel.scale.complete(self.settings).float_hold_torque / stiffness
-            beyond = math.copysign(max(abs(gap) - held, 0.0), gap)
-            speed = max(-fastest, min(fastest, beyond / FOLLOWING_TIME))
-            lower, upper = channel.joint.position_limits
-            self._rest[index] = max(lower, min(upper, self._rest[index] + speed * step))
-            self.references.lead(channel.joint.name, self._rest[index])
+    def begin(
+        self, models: JointModels, state: GravityCompensationState, start: Start
+    ) -> tuple[float, GravityCompensationState]:
+        """Begin with the rest angle where the joint is."""
+        torque, spring = self._spring.begin(models, state.spring, start)
+        return torque, GravityCompensationState(spring, models.inside(start.position))
+
+    def guide(
+        self, models: JointModels, state: GravityCompensationState, request: GuideRequest
+    ) -> tuple[Guidance, GravityCompensationState]:
+        """Let the rest angle follow the hand."""
+        stiffness, position = state.spring.muscles.stiffness, request.motion.position
+        if not request.active or request.held or math.isnan(position) or not stiffness > 0.0:
+            return Guidance(), state
+        gap = position - state.rest
+        beyond = math.copysign(max(abs(gap) - self.hold_torque / stiffness, 0.0), gap)
+        speed = max(-self.speed_limit, min(self.speed_limit, beyond / FOLLOWING_TIME))
+        lower, upper = models.joint.position_limits
+        rest = max(lower, min(upper, state.rest + speed * request.step))
+        return Guidance(lead=rest), dataclasses.replace(state, rest=rest)
+
+    def stiffness(self, state: GravityCompensationState) -> float:
+        """The reference of the stiffness [N m/rad]."""
+        return self._spring.stiffness(state.spring)
+
+    def plan(
+        self, models: JointModels, state: GravityCompensationState, request: PlanRequest
+    ) -> tuple[PressurePlan, GravityCompensationState]:
+        """Plan the pressures of the spring."""
+        plan, spring = self._spring.plan(models, state.spring, request)
+        return plan, dataclasses.replace(state, spring=spring)

@@ -20,62 +20,111 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import Final
+from dataclasses import dataclass
+from typing import Any, ClassVar, Final
 
 from pam_control.control_step import PlanRequest, PressurePlan
-from pam_control.feedback.kept_designs import KeptDesigns
-from pam_control.joint_channel import JointChannel, Pair
-from pam_control.laws.position_stiffness import PositionStiffnessController
+from pam_control.declared import BY_SIZE, BySize, Declared
+from pam_control.feedback.margins import LoopCase
+from pam_control.joint_models import JointModels
+from pam_control.laws.law import Law, Start
+from pam_control.laws.position_stiffness import PositionStiffness, PositionStiffnessState
 from pam_control.settings import ControlSettings
-from pam_model.rig import Rig
+from pam_model.views.torque_balance import critical_damping
 
 START_TIME: Final = 0.3  # s, in which the torque at the take-over passes into that of the law
+DAMPING_RATIO: Final = 0.3  # -, at the default stiffness
 
 
-class ImpedanceController(PositionStiffnessController):
+def _damping(size: Any, settings: ControlSettings) -> float:
+    return DAMPING_RATIO * critical_damping(size.joint, settings.default_stiffness)
+
+
+DAMPING: Final = Declared(
+    "impedance.damping", BY_SIZE, "N m s/rad", 0.0, 1e4,
+    "damping that is added to that of the joint, at most the designed one",
+    by_size=BySize(f"{DAMPING_RATIO:g} of the critical one at the default stiffness", _damping),
+)  # fmt: skip
+MUSCLES: Final = PositionStiffness()
+"""Gives the pressures of the spring."""
+
+
+@dataclass(frozen=True, slots=True)
+class ImpedanceState:
+    """State of one joint.
+
+    Attributes
+    ----------
+    muscles : PositionStiffnessState
+        Of the pressures.
+    start : float
+        Torque at the take-over that still fades [N m].
+    reached : float
+        Stiffness that the muscles reached in the last cycle [N m/rad].
+    """
+
+    muscles: PositionStiffnessState
+    start: float = 0.0
+    reached: float = math.nan
+
+
+@dataclass(frozen=True)
+class Impedance(Law[ImpedanceState]):
     """The law of the module's docstring."""
 
-    has_observer = False
-    has_adaptation = False
+    name: ClassVar[str] = "impedance"
+    is_scheduled: ClassVar[bool] = True
 
-    def __init__(
-        self, rig: Rig, settings: ControlSettings, designs: KeptDesigns | None = None
-    ) -> None:
-        self._start = [0.0] * len(rig.joints)
-        super().__init__(rig, settings, designs)
-        for channel in self.channels:
-            channel.yields = True
+    damping: float = DAMPING.field()
 
-    def _begin(self, index: int, channel: JointChannel, position: float, pressures: Pair) -> None:
-        super()._begin(index, channel, position, pressures)
-        self._start[index] = channel.pid.integral
+    def cases(self, models: JointModels, settings: ControlSettings) -> list[LoopCase]:
+        """The loops of the position law, whose gains bound the feedback."""
+        return MUSCLES.cases(models, settings)
 
-    def _continue(self, index: int, channel: JointChannel) -> None:
-        self._begin(index, channel, channel.position, channel.desired)
+    def init(self, models: JointModels) -> ImpedanceState:
+        """A joint that was not controlled."""
+        return ImpedanceState(MUSCLES.init(models))
 
-    def _spring(self, request: PlanRequest) -> float:
+    def rest(self, models: JointModels, state: ImpedanceState) -> ImpedanceState:
+        """The joint is taken over."""
+        return dataclasses.replace(state, muscles=MUSCLES.rest(models, state.muscles))
+
+    def begin(
+        self, models: JointModels, state: ImpedanceState, start: Start
+    ) -> tuple[float, ImpedanceState]:
+        """Begin with the torque that the joint has."""
+        torque, muscles = MUSCLES.begin(models, state.muscles, start)
+        return torque, dataclasses.replace(state, muscles=muscles, start=torque)
+
+    def plan(
+        self, models: JointModels, state: ImpedanceState, request: PlanRequest
+    ) -> tuple[PressurePlan, ImpedanceState]:
+        """Plan the pressures of the spring, and of what it lacks."""
+        fading = state.start * (1.0 - min(request.step / START_TIME, 1.0))
+        output = fading + self._spring(models, state, request)
+        # without an integral, which would grow while somebody holds the joint
+        request = dataclasses.replace(request, output=output, integral=0.0)
+        plan, muscles = MUSCLES.plan(models, state.muscles, request)
+        telemetry = dataclasses.replace(plan.telemetry, yields=True)
+        plan = dataclasses.replace(plan, missed=0.0, integral=0.0, telemetry=telemetry)
+        return plan, ImpedanceState(muscles, fading, telemetry.stiffness_reached)
+
+    def stiffness(self, state: ImpedanceState) -> float:
+        """The reference of the stiffness [N m/rad]."""
+        return state.muscles.stiffness
+
+    def _spring(self, models: JointModels, state: ImpedanceState, request: PlanRequest) -> float:
         """What the feedback adds to the muscles [N m]."""
-        channel = request.channel
-        gains = self.settings.gains[channel.joint.name]
-        position, seen = channel.inside(channel.position), request.seen
+        motion, gains, seen = request.motion, request.gains, request.seen.reference
+        position = models.inside(motion.position)
         lacking = 0.0
-        if not math.isnan(channel.telemetry.stiffness_reached):
-            lacking = channel.telemetry.stiffness - channel.telemetry.stiffness_reached
+        if not math.isnan(state.reached):
+            lacking = state.muscles.stiffness - state.reached
         lacking = max(-gains.proportional, min(gains.proportional, lacking))
-        damping = min(channel.scale.complete(self.settings).impedance_damping, gains.derivative)
-        gravity = channel.dynamics.gravity
+        gravity = models.dynamics.gravity
         return (
             lacking * (seen.position - position)
             + gravity(position)
             - gravity(seen.position)
-            + damping * (seen.velocity - channel.velocity)
+            + min(self.damping, gains.derivative) * (seen.velocity - motion.velocity)
         )
-
-    def _plan(self, request: PlanRequest) -> PressurePlan:
-        index = request.index
-        self._start[index] *= 1.0 - min(request.step / START_TIME, 1.0)
-        # the PID's own state is not used; it would integrate while somebody holds the joint
-        request.channel.pid.reset(0.0)
-        output = self._start[index] + self._spring(request)
-        plan = super()._plan(dataclasses.replace(request, output=output))
-        return dataclasses.replace(plan, missed=0.0)

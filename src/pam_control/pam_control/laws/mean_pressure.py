@@ -11,33 +11,36 @@ slope is the only thing these laws take from the joint's model while they run.
 
 from __future__ import annotations
 
-from abc import abstractmethod
+import math
+from dataclasses import dataclass
+from typing import Final
 
-from pam_control.control_step import PlanRequest
-from pam_control.controller import Controller
-from pam_control.feedback.kept_designs import KeptDesigns
+from pam_control.control_step import LawTelemetry, PlanRequest
+from pam_control.declared import Declared
 from pam_control.feedback.linear_joint import LoopStructure
 from pam_control.feedback.margins import LoopCase
 from pam_control.feedback.operating_points import POSITION_SHARES, operating_point
-from pam_control.joint_channel import JointChannel, Pair
+from pam_control.joint_models import JointModels, Pair
 from pam_control.limited import limited
-from pam_control.settings import ControlSettings
-from pam_model.rig import Rig
 
+MEAN_PRESSURE: Final = Declared(
+    "pressure_ratio.mean_pressure", 2.3e5, "Pa", 1e4, 1e6, "mean of the two pressures of a joint",
+    loop=True,
+)  # fmt: skip
 LEAST_MEAN_PRESSURE = 1e3  # Pa; below it the ratio is not meaningful
 MEAN_PRESSURE_TIME = 0.5  # s, rise from 0 to the mean pressure
 RATIO_STEPS = 60
 
 
 def ratio_for_torque(
-    channel: JointChannel, position: float, mean: float, torque: float
+    models: JointModels, position: float, mean: float, torque: float
 ) -> float | None:
     """The ratio that gives a torque, by bisection; None if there is none.
 
     Parameters
     ----------
-    channel : JointChannel
-        Models of the joint.
+    models : JointModels
+        Of the joint.
     position : float
         [rad].
     mean : float
@@ -48,7 +51,7 @@ def ratio_for_torque(
 
     def excess(u: float) -> float:
         pressures = (mean * (1.0 + u), mean * (1.0 - u))
-        return channel.model.torque(*pressures, position) - torque
+        return models.model.torque(*pressures, position) - torque
 
     low, high = -1.0, 1.0
     if excess(low) > 0.0 or excess(high) < 0.0:
@@ -59,104 +62,101 @@ def ratio_for_torque(
     return low
 
 
-def ratio_at_rest(channel: JointChannel, position: float, mean: float) -> float | None:
+def ratio_at_rest(models: JointModels, position: float, mean: float) -> float | None:
     """The ratio that holds the joint at rest at this mean pressure [Pa gauge] or None."""
-    return ratio_for_torque(channel, position, mean, channel.dynamics.gravity(position))
+    return ratio_for_torque(models, position, mean, models.dynamics.gravity(position))
 
 
-class MeanPressureLaw(Controller):
-    """Base of the laws that keep the mean pressure; it rises or sinks slowly to its setting."""
+@dataclass(frozen=True, slots=True)
+class MeanPressureState:
+    """The mean pressure of one joint.
 
-    def __init__(
-        self, rig: Rig, settings: ControlSettings, designs: KeptDesigns | None = None
-    ) -> None:
-        self._mean: list[float] = []
-        # change of half the difference per change of the mean, by which the torque is kept
-        self._balance: list[float] = []
-        super().__init__(rig, settings, designs)
+    Attributes
+    ----------
+    mean : float
+        At present [Pa gauge].
+    balance : float
+        Change of half the difference per change of the mean, by which the torque is kept [-].
+    """
 
-    @abstractmethod
-    def structure(self, channel: JointChannel, settings: ControlSettings) -> LoopStructure:
-        """How the law's output is connected to the pressure loops of a joint."""
+    mean: float = math.nan
+    balance: float = 0.0
 
-    def cases(self, channel: JointChannel, settings: ControlSettings) -> list[LoopCase]:
-        """The loops over the part of the range in which this mean pressure can hold the joint."""
-        mean = settings.mean_pressure
-        lower, upper = channel.joint.position_limits
-        found = []
-        for share in POSITION_SHARES:
-            position = lower + share * (upper - lower)
-            ratio = ratio_at_rest(channel, position, mean)
-            if ratio is None:
-                continue
-            pressures = (mean * (1.0 + ratio), mean * (1.0 - ratio))
-            point = operating_point(channel.joint, channel.model, position, pressures)
-            found.append(LoopCase(point, self.structure(channel, settings)))
-        return found
 
-    def begin_mean(self, index: int, channel: JointChannel, position: float, now: Pair) -> float:
-        """Start from the mean of two pressures at a position.
+def loop_cases(models: JointModels, mean: float, structure: LoopStructure) -> list[LoopCase]:
+    """The loops over the part of the range in which this mean pressure can hold the joint.
 
-        Parameters
-        ----------
-        index : int
-            Of the joint.
-        channel : JointChannel
-            Its models.
-        position : float
-            [rad].
-        now : (float, float)
-            Gauge pressures of agonist and antagonist [Pa].
+    Parameters
+    ----------
+    models : JointModels
+        Of the joint.
+    mean : float
+        [Pa gauge].
+    structure : LoopStructure
+        How the law's output is connected to the pressure loops of the joint.
+    """
+    lower, upper = models.joint.position_limits
+    found = []
+    for share in POSITION_SHARES:
+        position = lower + share * (upper - lower)
+        ratio = ratio_at_rest(models, position, mean)
+        if ratio is None:
+            continue
+        pressures = (mean * (1.0 + ratio), mean * (1.0 - ratio))
+        point = operating_point(models.joint, models.model, position, pressures)
+        found.append(LoopCase(point, structure))
+    return found
 
-        Returns
-        -------
-        float
-            The mean [Pa gauge].
-        """
-        mean = max(0.5 * (now[0] + now[1]), LEAST_MEAN_PRESSURE)
-        if len(self._mean) != len(self.channels):
-            self._mean = [mean] * len(self.channels)
-            self._balance = [0.0] * len(self.channels)
-        self._mean[index] = mean
-        self._balance[index] = difference_per_mean(
-            channel, position, now, self.settings.mean_pressure
-        )
-        return mean
 
-    def mean(self, index: int) -> float:
-        """The present mean pressure of a joint [Pa gauge]."""
-        return self._mean[index]
+def begin_mean(
+    models: JointModels, position: float, pressures: Pair, goal: float
+) -> MeanPressureState:
+    """Start from the mean of two pressures at a position.
 
-    def next_mean(self, request: PlanRequest) -> tuple[float, float]:
-        """The mean pressure of this cycle and the difference's share in its change.
+    Parameters
+    ----------
+    models : JointModels
+        Of the joint.
+    position : float
+        [rad].
+    pressures : (float, float)
+        Gauge pressures of agonist and antagonist [Pa].
+    goal : float
+        To which the mean rises or sinks [Pa gauge].
+    """
+    mean = max(0.5 * (pressures[0] + pressures[1]), LEAST_MEAN_PRESSURE)
+    return MeanPressureState(mean, difference_per_mean(models, position, pressures, goal))
 
-        Returns
-        -------
-        mean : float
-            [Pa gauge].
-        balance : float
-            By how much half the difference has to change in this cycle, so that the change of the
-            mean leaves the torque as it is [Pa].
-        """
-        goal = self.settings.mean_pressure
-        reach = goal * request.step / MEAN_PRESSURE_TIME
-        change = limited(goal - self._mean[request.index], -reach, reach)
-        self._mean[request.index] += change
-        return self._mean[request.index], self._balance[request.index] * change
 
-    @staticmethod
-    def tell(channel: JointChannel, pressures: Pair, clipped: bool) -> None:
-        """Fill the law's part of the telemetry from the desired pressures [Pa]."""
-        telemetry, position = channel.telemetry, channel.inside(channel.position)
-        telemetry.torque = telemetry.torque_reached = channel.model.torque(*pressures, position)
-        telemetry.stiffness = telemetry.stiffness_reached = channel.model.stiffness(
-            *pressures, position
-        )
-        telemetry.clipped = ("torque",) if clipped else ()
+def next_mean(
+    state: MeanPressureState, goal: float, step: float
+) -> tuple[float, MeanPressureState]:
+    """The state after a step [s], and the difference's share in the change of the mean.
+
+    Returns
+    -------
+    balance : float
+        By how much half the difference has to change in this cycle, so that the change of the
+        mean leaves the torque as it is [Pa].
+    state : MeanPressureState
+        The next one.
+    """
+    reach = goal * step / MEAN_PRESSURE_TIME
+    change = limited(goal - state.mean, -reach, reach)
+    return state.balance * change, MeanPressureState(state.mean + change, state.balance)
+
+
+def told(models: JointModels, request: PlanRequest, pressures: Pair, clipped: bool) -> LawTelemetry:
+    """Torque and stiffness that the desired pressures [Pa] give."""
+    position = models.inside(request.motion.position)
+    torque = models.model.torque(*pressures, position)
+    stiffness = models.model.stiffness(*pressures, position)
+    names = ("torque",) if clipped else ()
+    return LawTelemetry(torque, stiffness, torque, stiffness, stiffness, clipped=names)
 
 
 def difference_per_mean(
-    channel: JointChannel, position: float, pressures: Pair, goal: float
+    models: JointModels, position: float, pressures: Pair, goal: float
 ) -> float:
     """Change of half the difference per change of the mean on a way that keeps the torque.
 
@@ -165,8 +165,8 @@ def difference_per_mean(
 
     Parameters
     ----------
-    channel : JointChannel
-        Models of the joint.
+    models : JointModels
+        Of the joint.
     position : float
         [rad].
     pressures : (float, float)
@@ -179,16 +179,16 @@ def difference_per_mean(
     float
         From -1 to 1; 0 if no difference gives this torque at the new mean.
     """
-    angle = channel.inside(position)
-    torque = channel.model.torque(*pressures, angle)
-    ratio = ratio_for_torque(channel, angle, goal, torque)
+    angle = models.inside(position)
+    torque = models.model.torque(*pressures, angle)
+    ratio = ratio_for_torque(models, angle, goal, torque)
     rise = goal - 0.5 * (pressures[0] + pressures[1])
     if ratio is None or rise == 0.0:
         return 0.0
     return limited((ratio * goal - 0.5 * (pressures[0] - pressures[1])) / rise, -1.0, 1.0)
 
 
-def widest_difference(channel: JointChannel, mean: float) -> float:
+def widest_difference(models: JointModels, mean: float) -> float:
     """Largest half difference of the pressures at this mean [Pa]."""
-    highest = min(channel.model.agonist.high_pressure, channel.model.antagonist.high_pressure)
+    highest = min(models.model.agonist.high_pressure, models.model.antagonist.high_pressure)
     return min(mean, max(highest - mean, 0.0))

@@ -14,235 +14,353 @@ that loop in the same way.
 from __future__ import annotations
 
 import math
-from typing import Final
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import ClassVar, Final, NamedTuple
 
-from pam_control.adaptation.torque_adaptation import TorqueSample
-from pam_control.control_step import PlanRequest, PressurePlan
-from pam_control.controller import Controller
-from pam_control.feedback.disturbance_observer import ObserverSettings
+from pam_control.adaptation.rig_numbers import RigNumbers
+from pam_control.compensation.history_torque import HistoryTorque
+from pam_control.control_step import JointTelemetry, LawTelemetry, PlanRequest, PressurePlan
 from pam_control.feedback.linear_joint import LoopStructure
 from pam_control.feedback.margins import LoopCase
 from pam_control.feedback.operating_points import operating_grid
-from pam_control.joint_channel import PRESSURE_SHARE, JointChannel, Pair, Plan
+from pam_control.feedback.pid import handed_over
+from pam_control.feedback.stuck_integral import StuckIntegral
+from pam_control.joint_models import PRESSURE_SHARE, JointModels, Pair
+from pam_control.laws.law import Law, Start
+from pam_control.laws.unmodelled_torque import (
+    Estimates,
+    learn_torque,
+    lost_torque,
+    repeated_torque,
+)
 from pam_control.limited import limited
+from pam_control.plan_memory import (
+    Plan,
+    Plans,
+    plan_at,
+    planned_rates,
+    pressures_at,
+    remember,
+    shown_pressures,
+)
 from pam_control.settings import ControlSettings
 
 CORRECTED_EVERY: Final = 0.2  # s
 CORRECTED_SHARE: Final = 0.2  # of what lacks, each time
-RATE_SPAN: Final = 0.01  # s, over which the rate of the muscles' torque is taken
 
 
-class PositionStiffnessController(Controller):
-    """The model-based law; see the module's docstring."""
+@dataclass(frozen=True, slots=True)
+class Correction:
+    """The correction of the commanded stiffness by what was learnt.
 
-    has_observer = True
-    has_adaptation = True
+    Attributes
+    ----------
+    goal, factor : float
+        True stiffness over that of the model [-]: as estimated, and as used, which follows slowly.
+    at : float
+        When it was computed last [s].
+    """
 
-    def cases(self, channel: JointChannel, settings: ControlSettings) -> list[LoopCase]:
+    goal: float = 1.0
+    factor: float = 1.0
+    at: float = -math.inf
+
+
+NONE: Final = Correction()
+
+
+@dataclass(frozen=True, slots=True)
+class PositionStiffnessState:
+    """State of one joint.
+
+    Attributes
+    ----------
+    estimates, stuck, history
+        What is learnt or filtered along the motion; each is changed in place, by this law alone.
+    stiffness : float
+        Its reference [N m/rad].
+    plans : tuple of Plan
+        Feedforward that was planned.
+    shown : (float, float)
+        The plan as sensors with a lag show it [Pa].
+    adapted : float
+        Learnt torque of the newest plan [N m].
+    lagging : (float, float)
+        Position [rad] and speed [rad/s] with the lag of the pressure sensors.
+    correction : Correction
+        Of the stiffness.
+    """
+
+    estimates: Estimates
+    stuck: StuckIntegral
+    history: HistoryTorque
+    stiffness: float = math.nan
+    plans: Plans = ()
+    shown: Pair = (0.0, 0.0)
+    adapted: float = 0.0
+    lagging: Pair = (math.nan, math.nan)
+    correction: Correction = NONE
+
+
+@dataclass(frozen=True)
+class PositionStiffness(Law[PositionStiffnessState]):
+    """The law of the module's docstring; its parameters are those of all laws."""
+
+    name: ClassVar[str] = "model_based"
+    is_scheduled: ClassVar[bool] = True
+    has_lead: ClassVar[bool] = True
+    has_observer: ClassVar[bool] = True
+    has_adaptation: ClassVar[bool] = True
+
+    def cases(self, models: JointModels, settings: ControlSettings) -> list[LoopCase]:
         """The loops over the joint's range and the stiffness grid."""
         gain = settings.pressure_gain or 0.0
-        grid = channel.scale.complete(settings).stiffness_grid
-        points = operating_grid(channel.joint, channel.model, grid)
+        grid = models.scale.complete(settings).stiffness_grid
+        points = operating_grid(models.joint, models.model, grid)
         return [
             LoopCase(
                 point,
                 LoopStructure(gain, point.per_torque)
                 if settings.feedforward
                 else LoopStructure(gain, point.per_torque, point.per_position, True),
+                stiffness,
             )
-            for point in points
+            for stiffness, point in points
         ]
 
-    def _begin(self, index: int, channel: JointChannel, position: float, pressures: Pair) -> None:
-        position = channel.inside(position)
-        settings = channel.scale.complete(self.settings)
-        stiffness = channel.model.stiffness(*pressures, position)
-        torque = channel.model.torque(*pressures, position)
+    def init(self, models: JointModels) -> PositionStiffnessState:
+        """Nothing is known of the joint but its models."""
+        return PositionStiffnessState(
+            Estimates.of(models),
+            StuckIntegral(),
+            HistoryTorque(models.muscles, models.joint.arms[0].length, models.dry_friction),
+        )
+
+    def rest(self, models: JointModels, state: PositionStiffnessState) -> PositionStiffnessState:
+        """The joint is taken over; what was learnt of it stays."""
+        state.estimates.rest()
+        state.stuck.reset()
+        state.history.reset()
+        return replace(
+            state,
+            plans=(),
+            adapted=0.0,
+            lagging=(math.nan, math.nan),
+            correction=replace(state.correction, at=-math.inf),
+        )
+
+    def forget(self, models: JointModels, state: PositionStiffnessState) -> PositionStiffnessState:
+        """What was learnt of the joint is forgotten."""
+        state.estimates.forget()
+        return replace(state, correction=NONE)
+
+    def begin(
+        self, models: JointModels, state: PositionStiffnessState, start: Start
+    ) -> tuple[float, PositionStiffnessState]:
+        """Begin with the stiffness and the torque that the joint has."""
+        position, settings = models.inside(start.position), start.settings
+        stiffness = models.model.stiffness(*start.pressures, position)
+        torque = models.model.torque(*start.pressures, position)
         if settings.feedforward:
-            torque -= channel.dynamics.gravity(position)
-            if self.adapts:
-                torque -= channel.adaptation.at_rest(position, settings.adaptation_limit)
-            if settings.gains[channel.joint.name].observer > 0.0:
-                torque -= channel.observer.start(torque, settings.observer_limit)
+            torque -= models.dynamics.gravity(position)
+            if start.adapts:
+                torque -= state.estimates.adaptation.at_rest(position, settings.adaptation_limit)
+            if start.gains.observer > 0.0:
+                torque -= state.estimates.observer.start(torque, settings.observer_limit)
         limit = settings.integral_limit
-        channel.pid.reset(max(-limit, min(limit, torque)))
-        channel.telemetry.stiffness = stiffness
+        return max(-limit, min(limit, torque)), replace(state, stiffness=stiffness)
 
-    def _continue(self, index: int, channel: JointChannel) -> None:
-        settings, telemetry = self.settings, channel.telemetry
-        gains = settings.gains[channel.joint.name]
-        reference = telemetry.reference
-        position = channel.position
-        planned = 0.0
-        if settings.feedforward:
-            added = channel.plans[-1].memory_torque if channel.plans else 0.0
-            if not self.adapts:  # the next plans lack what was learnt
-                added += channel.adapted
-            planned = channel.dynamics.torque(reference) - added
-            position = reference.position
-        channel.plans.clear()
-        torque = channel.model.torque(*channel.desired, channel.inside(position))
-        lost = channel.observer.lost if settings.feedforward and gains.observer > 0.0 else 0.0
-        channel.pid.continue_at(torque - planned - lost, telemetry.error, gains)
+    def resume(
+        self, models: JointModels, state: PositionStiffnessState, start: Start
+    ) -> tuple[float, PositionStiffnessState]:
+        """Go on with the torque that the joint is desired to have."""
+        position, planned, lost = start.position, 0.0, 0.0
+        if start.settings.feedforward:
+            added = state.plans[-1].memory_torque if state.plans else 0.0
+            if not start.adapts:  # the next plans lack what was learnt
+                added += state.adapted
+            planned = models.torque(start.reference) - added
+            position = start.reference.position
+            lost = state.estimates.observer.lost if start.gains.observer > 0.0 else 0.0
+        torque = models.model.torque(*start.pressures, models.inside(position))
+        return torque - planned - lost, replace(state, plans=())
 
-    def _lost(self, request: PlanRequest, added: float) -> float:
-        """Torque of the muscles that the model does not explain [N m]; 0 without the observer."""
-        settings, channel, dynamics = self.settings, request.channel, request.channel.dynamics
-        bandwidth = settings.gains[channel.joint.name].observer
-        if bandwidth == 0.0:
-            channel.telemetry.disturbance = math.nan
-            return 0.0
-        channel.aligned.add(request.measured_at, request.pressures)
-        position, speed = channel.position, channel.velocity
-        muscles = channel.model.torque(
-            *channel.aligned.at(request.seen_at), channel.inside(position)
-        )
-        motion = dynamics.static_torque(position, speed)
-        limit = channel.scale.complete(settings).observer_limit
-        how = ObserverSettings(bandwidth, settings.derivative_filter, limit)
-        lost = channel.observer.update(request.fresh, muscles + added, motion, speed, how)
-        channel.telemetry.disturbance = -lost
-        return lost
-
-    def _learn(self, request: PlanRequest, known: float) -> None:
-        """Take what the torque of the muscles says about what the model lacks.
-
-        Parameters
-        ----------
-        request : PlanRequest
-            The present cycle.
-        known : float
-            Known torque of hysteresis, creep and dry friction at the time of the position [N m].
-        """
-        channel = request.channel
-        channel.aligned.add(request.measured_at, request.pressures)
-        position, speed = channel.lagging(request.fresh)
-        inside = channel.inside(position)
-        # by the rig file, without the learnt delay
-        seen_at = request.seen_at + channel.late_position
-        aligned = channel.aligned.at(seen_at)
-        muscles, before = channel.model.torques(
-            (aligned, channel.aligned.at(seen_at - RATE_SPAN)), inside
-        )
-        model = channel.dynamics.static_torque(position, speed)
-        sample = TorqueSample(
-            unexplained=muscles + known - model,
-            rate=(muscles - before) / RATE_SPAN,
-            position=position,
-            speed=speed,
-            speed_filter=self.settings.derivative_filter,
-        )
-        beside = known - model + channel.dynamics.gravity(position)
-        channel.stiffness.learn(request.fresh, aligned, inside, beside)
-        channel.pid.hand_over(channel.adaptation.learn(request.fresh, sample))
-
-    def _repeated(self, request: PlanRequest, usual: float) -> tuple[float, float]:
-        """The torque of the adaptation and the learnt correction for a repeated motion [N m].
-
-        Parameters
-        ----------
-        request : PlanRequest
-            The present cycle.
-        usual : float
-            What the adaptation adds [N m].
-        """
-        channel, at = request.channel, request.measured_at
-        if channel.learner is None:
-            return usual, 0.0
-        base, correction = channel.learner.torque(at, usual)
-        limit = channel.scale.complete(self.settings).adaptation_limit
-        error = request.seen.position - channel.position
-        channel.learner.record(at, error, base, request.seen.position)
-        return base, limited(correction, -limit, limit)
-
-    def _wanted_stiffness(self, request: PlanRequest) -> float:
-        """Stiffness of the model [N m/rad] at which the joint has the commanded one."""
-        channel, command = request.channel, self.stiffness_commands[request.index]
-        if not (self.adapts and self.settings.stiffness_corrected):
-            channel.stiffness_goal = channel.stiffness_factor = 1.0
-            return command
-        if request.acts_at - channel.corrected_at > CORRECTED_EVERY:
-            channel.corrected_at = request.acts_at
-            # at one place, so that the correction does not change along a motion
-            middle = 0.5 * sum(channel.joint.position_limits)
-            there = channel.model.pressures_for(channel.dynamics.gravity(middle), command, middle)
-            channel.stiffness_goal = channel.stiffness.factor(
-                (there.agonist, there.antagonist), middle, channel.stiffness_goal
-            )
-            lacking = channel.stiffness_goal - channel.stiffness_factor
-            channel.stiffness_factor += CORRECTED_SHARE * lacking
-        return command / channel.stiffness_factor
-
-    @staticmethod
-    def _tell(channel: JointChannel) -> None:
-        """Count what was learnt as a disturbance, so that a payload stays visible."""
-        telemetry = channel.telemetry
-        if channel.adaptation.knows:
-            observed = 0.0 if math.isnan(telemetry.disturbance) else telemetry.disturbance
-            telemetry.disturbance = observed - channel.adapted
-
-    def _plan(self, request: PlanRequest) -> PressurePlan:
-        channel = request.channel
-        settings, telemetry = channel.scale.complete(self.settings), channel.telemetry
-        rate_limit = min(settings.stiffness_rate, channel.joint.max_stiffness_rate)
+    def plan(
+        self, models: JointModels, state: PositionStiffnessState, request: PlanRequest
+    ) -> tuple[PressurePlan, PositionStiffnessState]:
+        """Plan the pressures for torque and stiffness."""
+        wanted, correction = _wanted_stiffness(models, state, request)
+        settings, motion = request.settings, request.motion
+        rate_limit = min(settings.stiffness_rate, models.joint.max_stiffness_rate)
         reach = rate_limit * request.step
-        change = self._wanted_stiffness(request) - telemetry.stiffness
-        stiffness = telemetry.stiffness + limited(change, -reach, reach)
-        rate = ahead = shift = (0.0, 0.0)
+        stiffness = state.stiffness + limited(wanted - state.stiffness, -reach, reach)
+        state = replace(state, stiffness=stiffness, correction=correction)
         if settings.feedforward:
-            now, then = request.now, request.then
-            before = channel.plans[-1].pressures if channel.plans else channel.desired
-            channel.shown = channel.shown if channel.plans else before
-            added = channel.history.advance(request.acts_at, then, before)
-            memory, limit = added, settings.adaptation_limit
-            usual = channel.adaptation.torque(request.acts_at, then, limit) if self.adapts else 0.0
-            channel.adapted, correction = self._repeated(request, usual)
-            added -= channel.adapted
-            planned = channel.model.pressures_for(
-                channel.dynamics.torque(then) - added, stiffness, then.position
-            )
-            goal = (planned.agonist, planned.antagonist)
-            channel.remember(Plan(request.acts_at, goal, stiffness, added, memory), request.now_at)
-            rate = channel.planned_rates(request.side_acts_at)
-            past = channel.plan_at(request.now_at)
-            coming = channel.pressures_at(request.side_acts_at)
-            shown = channel.shown_plan(request.now_at, request.step)
-            shift = (shown[0] - past.pressures[0], shown[1] - past.pressures[1])
-            ahead = (coming[0] - shown[0], coming[1] - shown[1])
-            wanted_stiffness, added = past.stiffness, past.memory_torque
-            torque = channel.dynamics.torque(now) - added + request.output + correction
-            friction = channel.dynamics.dry_friction
-            torque += friction.change(request.seen.velocity, channel.velocity)
-            torque += self._lost(request, added)
-            if self.adapts:
-                self._learn(request, channel.plan_at(request.seen_at).known)
-                self._tell(channel)
-            channel.pid.integral -= channel.stuck.update(
-                request.seen,
-                channel.position,
-                channel.pid.integral,
-                channel.adaptation.friction + friction.level(0.0),
-            )
-            position = now.position
-            velocities = request.side_velocities
+            target, state = _ahead(models, state, request)
         else:
-            torque, wanted_stiffness = request.output, stiffness
-            position = channel.position
-            velocities = (channel.velocity, channel.velocity)
-        reached = channel.model.pressures_for(torque, wanted_stiffness, position)
+            still, velocities = (0.0, 0.0), (motion.velocity, motion.velocity)
+            target = _Target(
+                request.output, stiffness, motion.position, still, still, still, velocities,
+                request.integral, math.nan,
+            )  # fmt: skip
+        reached = models.model.pressures_for(target.torque, target.stiffness, target.position)
         told = (("torque", reached.torque_limited), ("stiffness", reached.stiffness_limited))
-        telemetry.torque, telemetry.stiffness = torque, stiffness
-        telemetry.torque_reached = reached.torque
-        telemetry.stiffness_reached = reached.stiffness
-        telemetry.clipped = tuple(name for name, is_limited in told if is_limited)
-        missed = reached.torque - torque if reached.torque_limited else 0.0
-        pressures = _shifted((reached.agonist, reached.antagonist), shift, channel)
-        return PressurePlan(pressures, rate, ahead, velocities, missed)
+        telemetry = LawTelemetry(
+            target.torque,
+            stiffness,
+            reached.torque,
+            reached.stiffness,
+            correction.factor * reached.stiffness,
+            target.disturbance,
+            tuple(name for name, is_limited in told if is_limited),
+        )
+        plan = PressurePlan(
+            _shifted((reached.agonist, reached.antagonist), target.shift, models),
+            target.rate,
+            target.ahead,
+            target.velocities,
+            reached.torque - target.torque if reached.torque_limited else 0.0,
+            target.integral,
+            telemetry,
+        )
+        return plan, state
+
+    def stiffness(self, state: PositionStiffnessState) -> float:
+        """The reference of the stiffness [N m/rad]."""
+        return state.stiffness
+
+    def delay(self, state: PositionStiffnessState) -> float:
+        """By which the position was found to be later than the pressures [s]."""
+        return state.estimates.adaptation.delay
+
+    def report(
+        self, models: JointModels, state: PositionStiffnessState, telemetry: JointTelemetry
+    ) -> Mapping[str, float]:
+        """The stiffness that the joint has, as was learnt."""
+        position = models.inside(telemetry.motion.position)
+        found = state.estimates.stiffness.at(telemetry.pressures, position)
+        return {
+            "true stiffness, estimated [N m/rad]": found.value,
+            "true stiffness, at least (90 %) [N m/rad]": found.low,
+            "true stiffness, at most (90 %) [N m/rad]": found.high,
+        }
+
+    def numbers(self, state: PositionStiffnessState) -> RigNumbers:
+        """What the torques show about the rig file."""
+        return state.estimates.stiffness.numbers()
 
 
-def _shifted(pressures: Pair, shift: Pair, channel: JointChannel) -> Pair:
+class _Target(NamedTuple):
+    """What the pressures have to give.
+
+    Attributes
+    ----------
+    torque, stiffness, position : float
+        [N m], [N m/rad], at [rad].
+    rate, ahead, velocities : (float, float)
+        As in `PressurePlan`.
+    shift : (float, float)
+        What lagging sensors add to the pressures [Pa].
+    integral : float
+        Of the feedback from now on [N m].
+    disturbance : float
+        As in `LawTelemetry` [N m].
+    """
+
+    torque: float
+    stiffness: float
+    position: float
+    rate: Pair
+    ahead: Pair
+    shift: Pair
+    velocities: Pair
+    integral: float
+    disturbance: float
+
+
+def _ahead(
+    models: JointModels, state: PositionStiffnessState, request: PlanRequest
+) -> tuple[_Target, PositionStiffnessState]:
+    """Plan the pressures for the time when the valves act, and correct those of now."""
+    settings, motion = request.settings, request.motion
+    now, (acts_at, then) = request.now, request.then
+    before = state.plans[-1].pressures if state.plans else request.desired
+    shown = state.shown if state.plans else before
+    known = state.history.advance(acts_at, then, before)
+    limit = settings.adaptation_limit
+    usual = state.estimates.adaptation.torque(acts_at, then, limit) if request.adapts else 0.0
+    adapted, correction = repeated_torque(request, usual)
+    added = known - adapted
+    planned = models.model.pressures_for(
+        models.torque(then) - added, state.stiffness, then.position
+    )
+    goal = (planned.agonist, planned.antagonist)
+    plan = Plan(acts_at, goal, state.stiffness, added, known)
+    plans = remember(state.plans, plan, now.time)
+    past, coming = plan_at(plans, now.time), pressures_at(plans, request.side_times)
+    shown = shown_pressures(plans, shown, now.time, models.pressure_lag, request.step)
+    state = replace(state, plans=plans, shown=shown, adapted=adapted)
+
+    torque = models.torque(now.reference) - past.memory_torque + request.output + correction
+    friction = models.dry_friction
+    torque += friction.change(request.seen.reference.velocity, motion.velocity)
+    lost = lost_torque(models, state.estimates, request, past.memory_torque)
+    torque += lost or 0.0
+    disturbance, integral = -lost if lost is not None else math.nan, request.integral
+    if request.adapts:
+        then_known = plan_at(plans, request.seen.time).known
+        lagging, learnt = learn_torque(models, state.estimates, state.lagging, request, then_known)
+        state = replace(state, lagging=lagging)
+        # a motion that is repeated keeps what it was played with
+        if adapted == usual:
+            integral = handed_over(integral, learnt)
+        if state.estimates.adaptation.knows:  # so that a payload stays visible
+            disturbance = (0.0 if math.isnan(disturbance) else disturbance) - adapted
+    integral -= state.stuck.update(
+        request.seen.reference,
+        motion.position,
+        integral,
+        state.estimates.adaptation.friction + friction.level(0.0),
+    )
+    target = _Target(
+        torque,
+        past.stiffness,
+        now.reference.position,
+        planned_rates(plans, request.side_times),
+        (coming[0] - shown[0], coming[1] - shown[1]),
+        (shown[0] - past.pressures[0], shown[1] - past.pressures[1]),
+        request.side_velocities,
+        integral,
+        disturbance,
+    )
+    return target, state
+
+
+def _wanted_stiffness(
+    models: JointModels, state: PositionStiffnessState, request: PlanRequest
+) -> tuple[float, Correction]:
+    """Stiffness of the model [N m/rad] at which the joint has the commanded one."""
+    if not (request.adapts and request.settings.stiffness_corrected):
+        return request.stiffness, NONE
+    correction, acts_at = state.correction, request.then.time
+    if acts_at - correction.at > CORRECTED_EVERY:
+        # at one place, so that the correction does not change along a motion
+        middle = 0.5 * sum(models.joint.position_limits)
+        there = models.model.pressures_for(
+            models.dynamics.gravity(middle), request.stiffness, middle
+        )
+        goal = state.estimates.stiffness.factor(
+            (there.agonist, there.antagonist), middle, correction.goal
+        )
+        factor = correction.factor + CORRECTED_SHARE * (goal - correction.factor)
+        correction = Correction(goal, factor, acts_at)
+    return request.stiffness / correction.factor, correction
+
+
+def _shifted(pressures: Pair, shift: Pair, models: JointModels) -> Pair:
     """Pressures and what a lagging sensor adds to them, within what may be asked for [Pa]."""
     if shift == (0.0, 0.0):
         return pressures
-    one, other = (PRESSURE_SHARE * muscle.max_pressure for muscle in channel.muscles)
+    one, other = (PRESSURE_SHARE * muscle.max_pressure for muscle in models.muscles)
     return limited(pressures[0] + shift[0], 0.0, one), limited(pressures[1] + shift[1], 0.0, other)

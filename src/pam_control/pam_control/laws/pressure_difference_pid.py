@@ -17,21 +17,33 @@ The law has the same pressure loops, delays and gain design as the other laws.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import ClassVar, Final
 
 import numpy as np
 
 from pam_control.control_step import PlanRequest, PressurePlan
-from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.feedback.linear_joint import LoopStructure
+from pam_control.feedback.margins import LoopCase
 from pam_control.feedback.operating_points import operating_point
-from pam_control.joint_channel import JointChannel, Pair
-from pam_control.laws.mean_pressure import MeanPressureLaw, ratio_at_rest, widest_difference
+from pam_control.joint_models import JointModels, Pair
+from pam_control.laws.law import Law, Start
+from pam_control.laws.mean_pressure import (
+    MEAN_PRESSURE,
+    MeanPressureState,
+    begin_mean,
+    loop_cases,
+    next_mean,
+    ratio_at_rest,
+    told,
+    widest_difference,
+)
 from pam_control.references.spline import JointReference
 from pam_control.settings import ControlSettings
-from pam_model.rig import Rig
 
-FIT_POSITIONS = 21
+FIT_POSITIONS: Final = 21
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,95 +85,124 @@ class DifferenceFeedforward:
 NO_FEEDFORWARD = DifferenceFeedforward(0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-def difference_per_torque(channel: JointChannel, mean: float) -> float:
+@lru_cache(maxsize=256)
+def difference_per_torque(models: JointModels, mean: float) -> float:
     """Half the pressure difference per torque in the middle of the range [Pa/(N m)]."""
-    middle = 0.5 * sum(channel.joint.position_limits)
-    point = operating_point(channel.joint, channel.model, middle, (mean, mean))
+    middle = 0.5 * sum(models.joint.position_limits)
+    point = operating_point(models.joint, models.model, middle, (mean, mean))
     return 1.0 / (point.torque_slopes[0] - point.torque_slopes[1])
 
 
-def nominal_feedforward(channel: JointChannel, mean: float) -> DifferenceFeedforward:
-    """The feedforward of a joint that is as its rig file says, at this mean pressure [Pa]."""
-    lower, upper = channel.joint.position_limits
+@lru_cache(maxsize=256)
+def nominal_feedforward(models: JointModels, mean: float) -> DifferenceFeedforward:
+    """The feedforward of a joint that is as its rig file says, at this mean pressure [Pa].
+
+    It takes milliseconds. The design of the gains asks for it before the control cycle does, which
+    then finds it kept.
+    """
+    lower, upper = models.joint.position_limits
     positions, differences = [], []
     for position in np.linspace(lower, upper, FIT_POSITIONS).tolist():
-        ratio = ratio_at_rest(channel, position, mean)
+        ratio = ratio_at_rest(models, position, mean)
         if ratio is not None:
             positions.append(position)
             differences.append(mean * ratio)
     q = np.array(positions)
     basis = np.stack([np.ones_like(q), q, q**3], axis=1)
     offset, slope, cubic = np.linalg.lstsq(basis, np.array(differences), rcond=None)[0].tolist()
-    scale = difference_per_torque(channel, mean)
-    dynamics = channel.dynamics
+    scale = difference_per_torque(models, mean)
+    dynamics = models.dynamics
     return DifferenceFeedforward(
-        offset, slope, cubic, scale * dynamics.viscous_friction, scale * dynamics.inertia
+        offset,
+        slope,
+        cubic,
+        scale * dynamics.moving_torque(1.0, 0.0),
+        scale * dynamics.moving_torque(0.0, 1.0),
     )
 
 
-class PressureDifferencePid(MeanPressureLaw):
-    """The law of the module's docstring. It ignores stiffness commands."""
+@dataclass(frozen=True)
+class PressureDifferencePid(Law[MeanPressureState]):
+    """The law of the module's docstring. It ignores stiffness commands.
 
-    def __init__(
-        self, rig: Rig, settings: ControlSettings, designs: KeptDesigns | None = None
-    ) -> None:
-        # by joint and mean pressure; filled by the design, because the fit takes milliseconds
-        self._scales: dict[tuple[str, float], float] = {}
-        self._fitted: dict[tuple[str, float], DifferenceFeedforward] = {}
-        super().__init__(rig, settings, designs)
+    Attributes
+    ----------
+    given : mapping of str to tuple of float
+        Coefficients of the feedforward by joint, in the order and units of
+        `DifferenceFeedforward`; those of other joints follow from the rig.
+    """
 
-    def structure(self, channel: JointChannel, settings: ControlSettings) -> LoopStructure:
+    name: ClassVar[str] = "pressure_difference_pid"
+
+    mean_pressure: float = MEAN_PRESSURE.field()
+    given: Mapping[str, tuple[float, float, float, float, float]] = field(default_factory=dict)
+
+    def cases(self, models: JointModels, settings: ControlSettings) -> list[LoopCase]:
         """The output is a torque, which a fixed scale turns into a pressure difference."""
-        mean = settings.mean_pressure
-        key = (channel.joint.name, mean)
-        if key not in self._scales:
-            self._fitted[key] = nominal_feedforward(channel, mean)
-            self._scales[key] = difference_per_torque(channel, mean)
-        scale = self._scales[key]
-        return LoopStructure(
+        scale = difference_per_torque(models, self.mean_pressure)
+        self.feedforward(models, settings)  # so that no control cycle has to wait for it
+        structure = LoopStructure(
             settings.pressure_gain or 0.0,
             (scale, -scale),
             measured_velocity=not settings.feedforward,
         )
+        return loop_cases(models, self.mean_pressure, structure)
 
-    def feedforward(self, joint: str) -> DifferenceFeedforward:
-        """The feedforward of a joint with the present settings."""
-        if not self.settings.feedforward:
+    def feedforward(self, models: JointModels, settings: ControlSettings) -> DifferenceFeedforward:
+        """The feedforward of a joint."""
+        if not settings.feedforward:
             return NO_FEEDFORWARD
-        given = self.settings.difference_feedforward.get(joint)
+        given = self.given.get(models.name)
         if given is not None:
             return DifferenceFeedforward(*given)
-        return self._fitted[joint, self.settings.mean_pressure]
+        return nominal_feedforward(models, self.mean_pressure)
 
-    def _scale(self, channel: JointChannel) -> float:
-        return self._scales[channel.joint.name, self.settings.mean_pressure]
+    def init(self, models: JointModels) -> MeanPressureState:
+        """A joint that was not controlled."""
+        return MeanPressureState()
 
-    def _begin(self, index: int, channel: JointChannel, position: float, pressures: Pair) -> None:
-        self.begin_mean(index, channel, position, pressures)
-        held = self.feedforward(channel.joint.name).at(JointReference(position))
-        difference = 0.5 * (pressures[0] - pressures[1])
-        channel.pid.reset((difference - held) / self._scale(channel))
+    def begin(
+        self, models: JointModels, state: MeanPressureState, start: Start
+    ) -> tuple[float, MeanPressureState]:
+        """Begin with the difference and the mean of the present pressures."""
+        return self._begin(models, start, JointReference(start.position))
 
-    def _continue(self, index: int, channel: JointChannel) -> None:
-        gains, telemetry = self.settings.gains[channel.joint.name], channel.telemetry
-        self.begin_mean(index, channel, channel.position, channel.desired)
-        given = self.feedforward(channel.joint.name).at(telemetry.reference)
-        difference = 0.5 * (channel.desired[0] - channel.desired[1])
-        output = (difference - given) / self._scale(channel)
-        channel.pid.continue_at(output, telemetry.error, gains)
+    def resume(
+        self, models: JointModels, state: MeanPressureState, start: Start
+    ) -> tuple[float, MeanPressureState]:
+        """Go on with the difference that is desired now."""
+        return self._begin(models, start, start.reference)
 
-    def _plan(self, request: PlanRequest) -> PressurePlan:
-        channel, now, then = request.channel, request.now, request.then
-        feedforward, scale = self.feedforward(channel.joint.name), self._scale(channel)
-        mean, balance = self.next_mean(request)
-        channel.pid.integral += balance / scale
-        widest = widest_difference(channel, mean)
+    def _begin(
+        self, models: JointModels, start: Start, reference: JointReference
+    ) -> tuple[float, MeanPressureState]:
+        state = begin_mean(models, start.position, start.pressures, self.mean_pressure)
+        held = self.feedforward(models, start.settings).at(reference)
+        difference = 0.5 * (start.pressures[0] - start.pressures[1])
+        return (difference - held) / difference_per_torque(models, self.mean_pressure), state
+
+    def plan(
+        self, models: JointModels, state: MeanPressureState, request: PlanRequest
+    ) -> tuple[PressurePlan, MeanPressureState]:
+        """The difference is the feedforward and the output of the feedback."""
+        feedforward = self.feedforward(models, request.settings)
+        scale = difference_per_torque(models, self.mean_pressure)
+        balance, state = next_mean(state, self.mean_pressure, request.step)
+        mean, now, then = state.mean, request.now.reference, request.then.reference
+        widest = widest_difference(models, mean)
         wanted = feedforward.at(now) + scale * request.output + balance
         difference = max(-widest, min(widest, wanted))
         pressures = (mean + difference, mean - difference)
-        self.tell(channel, pressures, difference != wanted)
         ahead, rate = feedforward.at(then) - feedforward.at(now), feedforward.rate(then)
-        measured = (channel.velocity, channel.velocity)
-        velocities = request.side_velocities if self.settings.feedforward else measured
-        missed = (difference - wanted) / scale
-        return PressurePlan(pressures, (rate, -rate), (ahead, -ahead), velocities, missed)
+        speed = request.motion.velocity
+        measured: Pair = (speed, speed)
+        plan = PressurePlan(
+            pressures,
+            (rate, -rate),
+            (ahead, -ahead),
+            request.side_velocities if request.settings.feedforward else measured,
+            (difference - wanted) / scale,
+            request.integral + balance / scale,
+            told(models, request, pressures, difference != wanted),
+        )
+        return plan, state

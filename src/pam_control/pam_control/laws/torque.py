@@ -18,183 +18,194 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
-from typing import Final
+from dataclasses import dataclass
+from typing import ClassVar, Final
 
-from pam_control.control_step import ControlOutput, Measurement, PlanRequest, PressurePlan
-from pam_control.feedback.kept_designs import KeptDesigns
+from pam_control.control_step import LawTelemetry, PlanRequest, PressurePlan
 from pam_control.feedback.linear_joint import LoopStructure, OperatingPoint
-from pam_control.feedback.margins import ControlDesignError, LoopCase, Margins
+from pam_control.feedback.margins import LoopCase
 from pam_control.feedback.operating_points import operating_grid
-from pam_control.feedback.pid import PidGains
-from pam_control.laws.position_stiffness import PositionStiffnessController
+from pam_control.joint_models import JointModels
+from pam_control.laws.law import Guidance, GuideRequest, Law, Start
+from pam_control.laws.position_stiffness import PositionStiffness, PositionStiffnessState
+from pam_control.limited import limited
 from pam_control.references.spline import JointReference
-from pam_control.references.trajectory import CommandError
 from pam_control.settings import ControlSettings
-from pam_model.rig import Rig
 
 END_ZONE: Final = 0.1  # rad; so far from the end of the range the limit begins to act
 REACTION: Final = 0.03  # s, until a changed torque acts
 SMOOTHING: Final = 0.01  # s
 SLOW_SWING: Final = 0.5  # Hz
+HOLD: Final = PositionStiffness()
+"""Holds and moves a joint for which no torque is commanded."""
 
 
-class TorqueController(PositionStiffnessController):
+@dataclass(frozen=True, slots=True)
+class TorqueState:
+    """State of one joint.
+
+    Attributes
+    ----------
+    hold : PositionStiffnessState
+        Of the position law.
+    driven : bool
+        Whether torques are commanded.
+    asked, slope : float
+        The torque of the last cycle [N m], NaN if none was commanded, and its smoothed rate
+        [N m/s]: torques come in steps.
+    """
+
+    hold: PositionStiffnessState
+    driven: bool = False
+    asked: float = math.nan
+    slope: float = 0.0
+
+
+@dataclass(frozen=True)
+class Torque(Law[TorqueState]):
     """The law of the module's docstring."""
 
-    has_observer = False
-    has_adaptation = False
+    name: ClassVar[str] = "torque"
+    is_scheduled: ClassVar[bool] = True
+    has_lead: ClassVar[bool] = True
+    takes_torques: ClassVar[bool] = True
+    bare: ClassVar[str] = "as a source of torque, its muscles are"
 
-    def __init__(
-        self, rig: Rig, settings: ControlSettings, designs: KeptDesigns | None = None
-    ) -> None:
-        self._torques: list[float] = []
-        self._heard = -math.inf
-        self._before = [(math.nan, 0.0)] * len(rig.joints)
-        super().__init__(rig, settings, designs)
+    def cases(self, models: JointModels, settings: ControlSettings) -> list[LoopCase]:
+        """The loops of the position law."""
+        return HOLD.cases(models, settings)
 
-    def check(self, settings: ControlSettings) -> list[list[Margins]]:
-        """The margins of the position law; the muscles alone must be stable, too.
+    def bare_cases(self, models: JointModels, settings: ControlSettings) -> list[LoopCase]:
+        """The muscles alone must be stable, too.
 
         A horizontal or inverted joint drifts or falls under a constant torque whatever its muscles
         do; whoever sends the torques must prevent that. So its weight counts at least as much
         as a spring on which the joint swings slowly.
-
-        Raises
-        ------
-        ControlDesignError
-            When a loop is not safe.
         """
-        found = super().check(settings)
-        for channel in self.channels:
-            none = PidGains(0.0, 0.0, 0.0, settings.derivative_filter)
-            gain = settings.pressure_gain or 0.0
-            grid = channel.scale.complete(settings).stiffness_grid
-            cases = [
-                LoopCase(
-                    _on_a_spring(point, channel.dynamics.gravity_stiffness(point.position)),
-                    LoopStructure(gain, point.per_torque, point.per_position, True),
-                )
-                for point in operating_grid(channel.joint, channel.model, grid)
-            ]
-            if not all(self.designs.stable(cases, self.timing(channel, settings), none)):
-                raise ControlDesignError(
-                    f"{channel.joint.name}: as a source of torque, its muscles are unstable with "
-                    f"pressure loops of {gain:g} 1/s; a lower pressure_loop.gain may be stable"
-                )
-        return found
-
-    def set_torques(self, values: Sequence[float], now: float) -> None:
-        """Take the torque of every joint [N m].
-
-        Raises
-        ------
-        CommandError
-            For a wrong size or a value that is not finite; nothing is changed.
-        """
-        if len(values) != len(self.channels):
-            raise CommandError(
-                f"torque command rejected: {len(values)} values for {len(self.channels)} joints"
+        gain = settings.pressure_gain or 0.0
+        grid = models.scale.complete(settings).stiffness_grid
+        return [
+            LoopCase(
+                _on_a_spring(point, models.dynamics.gravity_stiffness(point.position)),
+                LoopStructure(gain, point.per_torque, point.per_position, True),
             )
-        for channel, value in zip(self.channels, values, strict=True):
-            if not math.isfinite(value):
-                raise CommandError(f"torque command rejected: {channel.joint.name} at {value} N m")
-        self._torques, self._heard = [float(value) for value in values], now
+            for _, point in operating_grid(models.joint, models.model, grid)
+        ]
 
-    def stop(self, now: float) -> None:
-        """Brake all joints and hold them; the next torque moves them again."""
-        self._heard = -math.inf
-        super().stop(now)
+    def init(self, models: JointModels) -> TorqueState:
+        """A joint that was not controlled."""
+        return TorqueState(HOLD.init(models))
 
-    def lower(self, now: float) -> None:
-        """Brake all joints, let their air out slowly, then stop."""
-        self._heard = -math.inf
-        super().lower(now)
+    def rest(self, models: JointModels, state: TorqueState) -> TorqueState:
+        """The joint is taken over."""
+        return dataclasses.replace(state, hold=HOLD.rest(models, state.hold))
 
-    def deactivate(self) -> None:
-        """Stop; torques from before do not move the joint later."""
-        self._heard = -math.inf
-        super().deactivate()
+    def begin(
+        self, models: JointModels, state: TorqueState, start: Start
+    ) -> tuple[float, TorqueState]:
+        """Begin with the stiffness and the torque that the joint has."""
+        torque, hold = HOLD.begin(models, state.hold, start)
+        return torque, dataclasses.replace(state, hold=hold)
 
-    def step(self, time: float, measurement: Measurement) -> ControlOutput:
-        """One control cycle."""
-        by_torque = time - self._heard <= self.settings.stream_timeout
-        for index, channel in enumerate(self.channels):
-            if by_torque and self.active and not math.isnan(channel.position):
-                self.references.lead(channel.joint.name, channel.inside(channel.position))
-            elif channel.yields:  # the stream has ended
-                self.references.stop([channel.joint.name], time)
-                self._begin(index, channel, channel.position, channel.desired)
-            channel.yields = channel.driven = by_torque
-            if not by_torque:
-                self._before[index] = (math.nan, 0.0)
-        return super().step(time, measurement)
+    def resume(
+        self, models: JointModels, state: TorqueState, start: Start
+    ) -> tuple[float, TorqueState]:
+        """Go on with the torque that the joint is desired to have."""
+        torque, hold = HOLD.resume(models, state.hold, start)
+        return torque, dataclasses.replace(state, hold=hold)
 
-    def _plan(self, request: PlanRequest) -> PressurePlan:
-        channel = request.channel
-        if not channel.yields:
-            return super()._plan(request)
-        settings, telemetry = channel.scale.complete(self.settings), channel.telemetry
-        reach = min(settings.stiffness_rate, channel.joint.max_stiffness_rate) * request.step
-        change = self.stiffness_commands[request.index] - telemetry.stiffness
-        stiffness = telemetry.stiffness + max(-reach, min(reach, change))
-        asked = self._torques[request.index]
-        torque = self._limited(request, asked)
-        ahead = request.acts_at - request.measured_at
-        slope = self._slope(request.index, torque, request.step)
-        position = channel.inside(channel.position)
-        later = channel.inside(position + ahead * channel.velocity)
-        reached = channel.model.pressures_for(torque, stiffness, position)
-        then = channel.model.pressures_for(torque + ahead * slope, stiffness, later)
-        channel.pid.reset(0.0)
-        channel.plans.clear()
-        telemetry.torque, telemetry.stiffness = torque, stiffness
-        telemetry.torque_reached = reached.torque
-        telemetry.stiffness_reached = reached.stiffness
+    def guide(
+        self, models: JointModels, state: TorqueState, request: GuideRequest
+    ) -> tuple[Guidance, TorqueState]:
+        """Let the reference follow a joint that torques move, and hold it when they cease."""
+        position, driven = request.motion.position, request.torque is not None
+        guidance = Guidance()
+        if driven and request.active and not math.isnan(position):
+            guidance = Guidance(lead=models.inside(position))
+        elif state.driven:  # the stream has ended
+            guidance = Guidance(restart=True)
+        if driven:
+            return guidance, dataclasses.replace(state, driven=True)
+        return guidance, TorqueState(state.hold)
+
+    def stiffness(self, state: TorqueState) -> float:
+        """The reference of the stiffness [N m/rad]."""
+        return state.hold.stiffness
+
+    def plan(
+        self, models: JointModels, state: TorqueState, request: PlanRequest
+    ) -> tuple[PressurePlan, TorqueState]:
+        """Plan the pressures for the commanded torque, or of the position law without one."""
+        asked = request.torque
+        if asked is None:
+            plan, hold = HOLD.plan(models, state.hold, request)
+            return plan, dataclasses.replace(state, hold=hold)
+        settings, motion = request.settings, request.motion
+        reach = min(settings.stiffness_rate, models.joint.max_stiffness_rate) * request.step
+        change = request.stiffness - state.hold.stiffness
+        stiffness = state.hold.stiffness + max(-reach, min(reach, change))
+        torque = _limited(models, request, asked)
+        ahead = request.then.time - request.measured_at
+        slope = _smoothed_rate(state, torque, request.step)
+        position = models.inside(motion.position)
+        later = models.inside(position + ahead * motion.velocity)
+        reached = models.model.pressures_for(torque, stiffness, position)
+        then = models.model.pressures_for(torque + ahead * slope, stiffness, later)
         told = (
             ("torque", reached.torque_limited or torque != asked),
             ("stiffness", reached.stiffness_limited),
         )
-        telemetry.clipped = tuple(name for name, limited in told if limited)
+        telemetry = LawTelemetry(
+            torque,
+            stiffness,
+            reached.torque,
+            reached.stiffness,
+            reached.stiffness,
+            clipped=tuple(name for name, is_limited in told if is_limited),
+            yields=True,
+            driven=True,
+        )
         first, second = then.agonist - reached.agonist, then.antagonist - reached.antagonist
-        measured = (channel.velocity, channel.velocity)
-        return PressurePlan(
+        plan = PressurePlan(
             (reached.agonist, reached.antagonist),
             (first / ahead, second / ahead),
             (first, second),
-            measured,
+            (motion.velocity, motion.velocity),
             0.0,
+            0.0,
+            telemetry,
         )
+        hold = dataclasses.replace(state.hold, stiffness=stiffness, plans=())
+        return plan, TorqueState(hold, True, torque, slope)
 
-    def _slope(self, index: int, torque: float, step: float) -> float:
-        """Rate of a joint's torque [N m/s], smoothed because torques come in steps."""
-        before, slope = self._before[index]
-        if not math.isnan(before):
-            weight = step / (SMOOTHING + step)
-            slope += weight * ((torque - before) / step - slope)
-        self._before[index] = (torque, slope)
-        return slope
 
-    def _limited(self, request: PlanRequest, torque: float) -> float:
-        """The torque [N m] that keeps the joint below its speed and inside its range."""
-        channel, dynamics = request.channel, request.channel.dynamics
-        limits = self.references.motion[channel.joint.name]
-        position, speed = channel.position, channel.velocity
-        needed = dynamics.static_torque(position, speed)
-        needed += dynamics.viscous_friction * speed + dynamics.dry_friction.torque(speed)
-        muscles = channel.model.torque(*request.pressures, channel.inside(position))
-        push = (muscles - needed) / dynamics.inertia
-        soon = speed + push * REACTION
-        rest = limits.rest(JointReference(position + speed * REACTION, soon, push))
-        stiffness = limits.own_push / END_ZONE
-        lower, upper = channel.joint.position_limits
-        high = min(_fading(limits.velocity - soon, limits.own_jerk), stiffness * (upper - rest))
-        low = max(-_fading(limits.velocity + soon, limits.own_jerk), stiffness * (lower - rest))
-        high, low = max(high, -limits.own_push), min(low, limits.own_push)
-        wanted = (torque - needed) / dynamics.inertia
-        if low <= wanted <= high:
-            return torque
-        return needed + dynamics.inertia * max(low, min(high, wanted))
+def _smoothed_rate(state: TorqueState, torque: float, step: float) -> float:
+    """Rate of a joint's torque [N m/s], smoothed because torques come in steps."""
+    if math.isnan(state.asked):
+        return state.slope
+    weight = step / (SMOOTHING + step)
+    return state.slope + weight * ((torque - state.asked) / step - state.slope)
+
+
+def _limited(models: JointModels, request: PlanRequest, torque: float) -> float:
+    """The torque [N m] that keeps the joint below its speed and inside its range."""
+    dynamics, limits = models.dynamics, request.limits
+    position, speed, _ = request.motion
+    needed = dynamics.static_torque(position, speed)
+    needed += dynamics.moving_torque(speed, 0.0) + models.dry_friction.torque(speed)
+    muscles = models.model.torque(*request.pressures, models.inside(position))
+    push = dynamics.acceleration(muscles - needed)
+    soon = speed + push * REACTION
+    rest = limits.rest(JointReference(position + speed * REACTION, soon, push))
+    stiffness = limits.own_push / END_ZONE
+    lower, upper = models.joint.position_limits
+    high = min(_fading(limits.velocity - soon, limits.own_jerk), stiffness * (upper - rest))
+    low = max(-_fading(limits.velocity + soon, limits.own_jerk), stiffness * (lower - rest))
+    high, low = max(high, -limits.own_push), min(low, limits.own_push)
+    wanted = dynamics.acceleration(torque - needed)
+    if low <= wanted <= high:
+        return torque
+    return needed + dynamics.moving_torque(0.0, limited(wanted, low, high))
 
 
 def _fading(room: float, jerk: float) -> float:
@@ -204,5 +215,5 @@ def _fading(room: float, jerk: float) -> float:
 
 def _on_a_spring(point: OperatingPoint, weight: float) -> OperatingPoint:
     """The operating point with at least a weak spring in place of the weight's [N m/rad]."""
-    least = point.inertia * (2.0 * math.pi * SLOW_SWING) ** 2
+    least = point.swinging_spring(SLOW_SWING)
     return dataclasses.replace(point, spring=point.spring + max(least - weight, 0.0))

@@ -53,7 +53,7 @@ def check_trajectory(
     """Reject a trajectory that cannot be followed.
 
     A planner begins where the joint is, and a joint at its stop may be a little beyond its limits:
-    the first of several points may be there, too.
+    the first of several points may be there, too, and further ones on the way back.
 
     Parameters
     ----------
@@ -102,7 +102,11 @@ def check_trajectory(
         previous = point.time_from_start
         _check_point(where, names, point, max_velocities or {})
         margin = start_margin if number == 0 and len(points) > 1 else None
-        for name, position in zip(names, point.positions, strict=True):
+        before = points[number - 1].positions if 0 < number < len(points) - 1 else point.positions
+        for name, position, last in zip(names, point.positions, before, strict=True):
+            low, high = limits[name]
+            if last < position < low or high < position < last:
+                continue  # on the way back from where the joint is
             check_position(where, name, position, limits[name], (measured or {}).get(name), margin)
     if not allow_nonzero_end_velocity:
         for name, velocity in zip(names, points[-1].velocities, strict=False):

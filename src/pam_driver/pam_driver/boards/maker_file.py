@@ -68,4 +68,5 @@ def _line(data: bytes) -> str:
 
 
 def _unified(text: str) -> str:
-    return text.replace("\r\n", "\n").replace("\r", "\n").replace("\0", "")
+    text = text.replace("\r\n", "\n").replace("\r", "\n")
+    return text.replace("\0", "").replace("\x1a", "")  # \x1a: the end of a file of DOS

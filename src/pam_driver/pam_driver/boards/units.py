@@ -53,11 +53,16 @@ UNITS: Final[Mapping[str, Unit]] = {
 _SPELLINGS: Final[Mapping[str, str]] = {
     **{name.lower(): name for name in UNITS},
     "%": "percent",
-    **dict.fromkeys(("°", "º", "˚", "¡ã", "â°", "degree", "degrees", "degs"), "deg"),
+    **dict.fromkeys(("°", "º", "˚", "¡ã", "â°", "degree", "degrees", "degs", "°deg"), "deg"),
     **dict.fromkeys(("turn", "turns", "revolution", "revolutions"), "rev"),
     **dict.fromkeys(("radian", "radians"), "rad"),
     **dict.fromkeys(("volt", "volts"), "V"),
-    **dict.fromkeys(("pascal", "pascals"), "Pa"),
+    **dict.fromkeys(("pascal", "pascals", "n/m2", "n/m^2", "n/m²"), "Pa"),
+    **dict.fromkeys(("hectopascal", "hectopascals"), "hPa"),
+    **dict.fromkeys(("kilopascal", "kilopascals", "kn/m2", "kn/m^2", "kn/m²"), "kPa"),
+    **dict.fromkeys(("megapascal", "megapascals", "n/mm2", "n/mm^2", "n/mm²"), "MPa"),
+    "bars": "bar",
+    **dict.fromkeys(("lbf/in2", "lbf/in^2", "lbf/in²", "pound/in2"), "psi"),
     **dict.fromkeys(("sec", "second", "seconds"), "s"),
     **dict.fromkeys(("millibar", "millibars"), "mbar"),
 }

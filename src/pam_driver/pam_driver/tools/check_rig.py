@@ -15,6 +15,7 @@ from pam_model.command_line import Arguments, Outcome
 from pam_model.errors import RigError
 from pam_model.rig import Bus, Rig, load_rig
 from pam_model.robot import Robot, compose
+from pam_model.views.pull_over_travel import refuse_slack_muscles
 from pam_model.views.torque_range import first_angle_not_held
 from pam_ros.foreign_text import shown
 
@@ -76,8 +77,10 @@ def check_rig(rig: Rig, only: Bus, rate: float, dbc: str = "") -> RigCheck:
     Raises
     ------
     PamError
-        If the driver would refuse the rig, with one line for each problem.
+        If the driver or the controller would refuse the rig, with one line for each problem.
     """
+    robot = compose(rig)
+    refuse_slack_muscles(robot)  # as the controller does
     wiring = RigWiring(rig, {"dbc": dbc})
     boards = wiring.make_boards()
     found = RigCheck(list(_wires(rig, wiring, boards)))
@@ -100,7 +103,7 @@ def check_rig(rig: Rig, only: Bus, rate: float, dbc: str = "") -> RigCheck:
             for (what, channel), values in board.invalid_values().items():
                 called = f"{board.name}, {what} {channel}".rstrip()
                 found.invalid_values[called] = {name: raw for raw, name in values.items()}
-    found.cautions = [*wiring.doubts, *_overfilled(rig), *_too_heavy(compose(rig))]
+    found.cautions = [*wiring.doubts, *_overfilled(rig), *_too_heavy(robot)]
     return found
 
 

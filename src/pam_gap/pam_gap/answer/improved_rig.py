@@ -29,9 +29,7 @@ def _changed[Part: (Rig, Joint, Muscle, Valve)](
     return replace(part, **changes)
 
 
-def with_number(
-    rig: Rig, joint: str, name: str, value: float, is_factor: bool = False
-) -> Rig:
+def with_number(rig: Rig, joint: str, name: str, value: float, is_factor: bool = False) -> Rig:
     """A copy of the rig with one plant parameter written to its place in the rig file."""
     owner, place = rig.joint(joint), RIG_PLACES[name]
     if place.section == "effect":

@@ -118,8 +118,8 @@ def _proposed_map(
         raise RecordingError(f"{path}: no column was mapped: {_why_none(table, rig, place)}")
     if not bag and not rate and all(one.channel != "time" for one in proposed):
         raise RecordingError(
-            f"{path}: no column looks like a time ({all_shown(columns)}); state --rate "
-            f"[Hz], or name the column in {place} and give it with --map"
+            f"{path}: no column looks like a time ({all_shown(columns)}){_of_text(table)}; state "
+            f"--rate [Hz], or name the column in {place} and give it with --map"
         )
     return place
 
@@ -128,14 +128,18 @@ def _why_none(table: Table, rig: Rig, place: Path) -> str:
     """Why nothing is proposed, and what to do."""
     if not rig.joints:
         return NO_JOINT
-    texts = [f"column {shown(name)} holds {text}" for name, text in table.texts.items()
-             if not np.isfinite(table.columns[name]).any()]  # fmt: skip
-    told = f"; {'; '.join(texts[:3])}" if texts else ""
     return (
         f"none of {all_shown(table.columns) or 'its columns, of which there are none,'} looks like "
-        f"a pressure, position or command of the rig file{told}; name the columns in {place} and "
-        "give it with --map"
+        f"a pressure, position or command of the rig file{_of_text(table)}; name the columns in "
+        f"{place} and give it with --map"
     )
+
+
+def _of_text(table: Table) -> str:
+    """The columns without a number, each with its first entry."""
+    texts = [f"column {shown(name)} holds {text}" for name, text in table.texts.items()
+             if not np.isfinite(table.columns[name]).any()]  # fmt: skip
+    return f"; {'; '.join(texts[:3])}" if texts else ""
 
 
 def _problems(rig: Rig, recording: Recording | None) -> list[str]:
@@ -210,7 +214,9 @@ def import_log(
         recording = resample(raw)
     except RecordingError as error:
         problems.append(str(error))
-    problems += _problems(rig, recording)
+    problems += [
+        f"{problem}{'' if map_path else _of_text(table)}" for problem in _problems(rig, recording)
+    ]
     preview = Preview(
         path,
         _summary(table.columns),

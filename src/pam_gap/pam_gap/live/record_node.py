@@ -24,7 +24,7 @@ from rosbags.rosbag2.storage_mcap import McapWriter
 from rosbags.typesys import Stores, get_typestore
 from sensor_msgs.msg import FluidPressure, JointState
 
-from pam_gap.live.recording_advice import RecordingAdvice
+from pam_gap.live.recording_advice import RecordingAdvice, progress_line
 from pam_model.errors import PamError
 from pam_model.rig import Rig
 from pam_ros.joint_state_bytes import stamp_of
@@ -167,8 +167,7 @@ def record(
                     if now - told > TELL_EVERY:
                         told, missing = now, advice.missing()
                         if missing != said:
-                            still = "; ".join(missing) or "nothing is missing, Ctrl-C ends it"
-                            tell(f"{advice.duration:.0f} s. still missing: {still}")
+                            tell(progress_line(advice.duration, missing))
                         said = missing
             end_node(node, executor)
     finally:

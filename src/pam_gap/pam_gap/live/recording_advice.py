@@ -113,6 +113,21 @@ class _Seen:
         self.rested = self.rested or (whole and max(values) - min(values) < still)
 
 
+def progress_line(duration: float, missing: Sequence[str]) -> str:
+    """What is told while recording.
+
+    Parameters
+    ----------
+    duration : float
+        Recorded so far [s].
+    missing : sequence of str
+        From `RecordingAdvice.missing`.
+    """
+    if not missing:
+        return f"{duration:.0f} s: nothing is missing any more; Ctrl-C ends the recording"
+    return f"{duration:.0f} s, still missing: {'; '.join(missing)}"
+
+
 class RecordingAdvice:
     """Watches the messages of a recording.
 

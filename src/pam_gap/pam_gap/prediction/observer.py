@@ -375,7 +375,7 @@ def observe(
             y,
             *(for_kernel(np.zeros(N_STATES * width)) for _ in range(5)),
             for_kernel(np.zeros(2 * width)),
-            for_kernel(np.zeros(width)),
+            for_kernel(np.zeros(2 * width)),
             for_kernel(np.zeros(width)),
             group.side_by_side(shown),
             np.zeros(3),

@@ -18,16 +18,16 @@ from typing import Final
 from pam_model.table_dialect import decimal_mark, separator
 from pam_ros.foreign_text import all_shown, shown
 
-_SEPARATORS: Final = (";", "\t", ",", None)
+_SEPARATORS: Final = (";", "\t", "|", ",", None)
 """In the order in which they are preferred; None stands for blanks."""
 _JUDGED: Final = 64
 """Cells of a line that are looked at, so that a line of 100,000 columns costs no more."""
 _LAST: Final = 8
 """Lines at the end that tell how many columns there are."""
 _NUMBER: Final = re.compile(
-    r"[-+]?\s*(\d+([.,]\d*)?|[.,]\d+)([eE][-+]?\d+)?\s*%?"
+    r"[-+]?\s*(\d+([.,]\d*)?|[.,]\d+)([eEdD][-+]?\d+)?\s*%?"
     r"|(\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4})([T ]+\d{1,2}:\d{2}.*)?"
-    r"|\d{1,2}:\d{2}(:\d{2}([.,]\d+)?)?"
+    r"|\d{1,2}:\d{2}(:\d{2}([.,:]\d+)?)?"
 )
 """A number, also with its sign apart, a date, or a time of day."""
 _NOTHING: Final = frozenset({"", "nan", "inf", "-inf", "n/a", "na", "null", "none", "-", "#n/a"})

@@ -29,7 +29,7 @@ _FEWEST_LINES, _ENOUGH = 4, 1 << 20
 """So many suffice if they have so many bytes, as with 100,000 columns."""
 _LONGEST_LINE: Final = 1 << 24
 """Bytes in which a line must end."""
-_TIME_OF_DAY: Final = r"(\d{1,2}):(\d{2}):(\d{2}(?:[.,]\d+)?)"
+_TIME_OF_DAY: Final = r"(\d{1,2}):(\d{2}):(\d{2}(?:[.,:]\d+)?)"
 _DAY: Final = 86400.0
 
 
@@ -177,6 +177,7 @@ def _numbers(column: Any, decimal: str) -> tuple[Array, Text | None, str]:
     written = text.str.replace(r"^([-+])\s+(?=[\d.,])", r"\1", regex=True)
     if decimal != ".":
         written = written.str.replace(decimal, ".", regex=False)
+    written = written.str.replace(r"(?<=[\d.])[dD](?=[-+]?\d+$)", "e", regex=True)  # of Fortran
     values: Array = pd.to_numeric(written, errors="coerce").to_numpy(np.float64, na_value=np.nan)
     what = ""
     for kind_of, convert in (("clock", _times_of_day), ("date", _dates)):
@@ -192,7 +193,7 @@ def _times_of_day(text: Any) -> Array:
     """Seconds since midnight; NaN for what is no time of day."""
     parts = text.str.extract(f"^{_TIME_OF_DAY}$")
     hours, minutes, seconds = (
-        pd.to_numeric(parts[k].str.replace(",", "."), errors="coerce").to_numpy(
+        pd.to_numeric(parts[k].str.replace("[,:]", ".", regex=True), errors="coerce").to_numpy(
             np.float64, na_value=np.nan
         )
         for k in range(3)
@@ -217,7 +218,7 @@ def _dates(text: Any) -> Array:
     ).str.replace(
         r"^(\d{1,2})\.(\d{1,2})\.(\d{4})(?=\D|$)",
         lambda m: f"{m[3]}-{m[2]:>02}-{m[1]:>02}", regex=True,
-    )  # fmt: skip
+    ).str.replace(r"(:\d\d:\d\d)[,:](?=\d)", r"\1.", regex=True)  # fmt: skip
     return _since_1970(pd.to_datetime(iso, errors="coerce", utc=True, format="ISO8601"))
 
 

@@ -33,6 +33,10 @@ def _declare(parser: Parser) -> None:
         "--inertia", type=number("kg m^2", above=0.0), metavar="X",
         help=f"for the rig file [kg m^2] (default: {INERTIA_PER_TORQUE:g} for each N m of torque)",
     )  # fmt: skip
+    parser.add_argument(
+        "--supply", type=number("Pa", above=1e4), metavar="X",
+        help="pressure before the valves, gauge [Pa] (default: that of --pressure)",
+    )  # fmt: skip
     parser.add_argument("--plot", type=output_file, metavar="FILE", help="torque and stiffness")
     parser.add_argument("--write-rig", type=new_file, metavar="FILE", help="write a rig file")
 
@@ -48,7 +52,12 @@ def _run(chosen: Arguments) -> Outcome:
     from pam_model.rig import rig_from_parameters  # noqa: PLC0415
 
     found = size_joint(
-        chosen.torque, chosen.range, chosen.speed, chosen.pressure, chosen.muscle_length
+        chosen.torque,
+        chosen.range,
+        chosen.speed,
+        chosen.pressure,
+        chosen.muscle_length,
+        chosen.supply,
     )
     print(found.table())
     inertia = chosen.inertia or INERTIA_PER_TORQUE * chosen.torque

@@ -23,6 +23,7 @@ from pam_model.rig.types import Rig
 
 CONTRACTION = 0.2  # of the rest length over the whole range
 MARGIN = 1.3  # on the torque: thread friction and the wall cost 10 to 30 % of an ideal braid's pull
+FILLED = 5.0 / 6.0  # of the supply (gauge), the pressure up to which the valve fills at full speed
 FRICTION_TIME = 0.02  # s/rad, viscous friction for each N m of torque
 AMBIENT = 101_325.0  # Pa
 CRITICAL_RATIO = 0.3  # ISO 6358 b of a usual valve
@@ -49,6 +50,8 @@ class JointSize:
         C of a valve that passes it, into the muscle and out of it [m^3/(s Pa)].
     nominal_flow : float
         The same as catalogues state it, from 6 to 5 bar gauge [l/min ANR].
+    supply_pressure : float
+        For which the valve is sized [Pa gauge].
     """
 
     torque: float
@@ -57,6 +60,7 @@ class JointSize:
     peak_flow: float
     sonic_conductance: float
     nominal_flow: float
+    supply_pressure: float
 
     @property
     def braid(self) -> BraidFromDatasheet:
@@ -82,7 +86,12 @@ class JointSize:
 
 
 def size_joint(
-    torque: float, largest_angle: float, speed: float, pressure: float, muscle_length: float
+    torque: float,
+    largest_angle: float,
+    speed: float,
+    pressure: float,
+    muscle_length: float,
+    supply_pressure: float | None = None,
 ) -> JointSize:
     """Size a joint with two equal muscles.
 
@@ -95,15 +104,26 @@ def size_joint(
     speed : float
         With which it shall cross the range [rad/s].
     pressure : float
-        Largest pressure of the muscles [Pa gauge]; the supply is 1 bar above it.
+        Largest pressure of the muscles [Pa gauge].
     muscle_length : float
         Room for a muscle, at rest [m]. Longer muscles allow a larger pulley and are thinner.
+    supply_pressure : float, optional
+        [Pa gauge]; by default the largest pressure of the muscles, so that a valve that is stuck
+        open cannot burst them.
 
     Raises
     ------
     DomainError
         If no such muscle can be built.
+    PamError
+        If the supply is below the largest pressure of the muscles.
     """
+    supply_pressure = pressure if supply_pressure is None else supply_pressure
+    if supply_pressure < pressure:
+        raise PamError(
+            f"the supply of {supply_pressure:g} Pa gauge is below the largest pressure of the "
+            f"muscles, {pressure:g} Pa gauge; expected at least as much"
+        )
     stroke = CONTRACTION * muscle_length
     radius = stroke / (2.0 * largest_angle)
     muscle = design(MARGIN * torque / radius, stroke, pressure, contraction=CONTRACTION)
@@ -116,7 +136,8 @@ def size_joint(
     rate = pressure * speed / (2.0 * largest_angle)
     energy = (pressure + AMBIENT) * slopes * radius * speed + volumes * rate
     peak = float(energy.max()) / (GAS_CONSTANT * REFERENCE_TEMPERATURE)
-    full, supply = pressure + AMBIENT, pressure + AMBIENT + 1e5
+    full = min(pressure, FILLED * supply_pressure) + AMBIENT
+    supply = supply_pressure + AMBIENT
     # filling is slowest when the muscle is nearly full, emptying at half the pressure
     half = 0.5 * pressure + AMBIENT
     per_conductance = min(
@@ -124,7 +145,7 @@ def size_joint(
     )
     conductance = peak / float(per_conductance)
     nominal = 60e3 * reference_flow(conductance, CRITICAL_RATIO, *CATALOGUE)
-    return JointSize(torque, radius, muscle, peak, conductance, nominal)
+    return JointSize(torque, radius, muscle, peak, conductance, nominal, supply_pressure)
 
 
 def sized_rig(size: JointSize, largest_angle: float, pressure: float, inertia: float) -> NewRig:
@@ -149,7 +170,7 @@ def sized_rig(size: JointSize, largest_angle: float, pressure: float, inertia: f
         gravity_torque=0.0,
         viscous_friction=FRICTION_TIME * size.torque,
         max_pressure=pressure,
-        supply_pressure=pressure + 1e5,
+        supply_pressure=size.supply_pressure,
         valve="flow",
         sonic_conductance=size.sonic_conductance,
     )

@@ -114,7 +114,7 @@ def simulate_block(
         y,
         *(for_kernel(np.zeros(N_STATES * width)) for _ in range(5)),
         for_kernel(np.zeros(2 * width)),
-        for_kernel(np.zeros(width)),
+        for_kernel(np.zeros(2 * width)),
         for_kernel(np.zeros(width)),
         for_kernel(np.zeros(N_OUTPUTS * width)),
         np.zeros(3),

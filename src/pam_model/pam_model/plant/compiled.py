@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from pam_model import gas, physics
+from pam_model import body, gas, physics
 from pam_model.effects.registry import effect_files
 
 try:
@@ -35,11 +35,13 @@ except ImportError:
 
 _HERE = Path(__file__).parent
 _NEVER_COMPILED = (
+    "command_history",
     "compile_beside",
     "constants",
     "force_table",
     "lane_choice",
     "parameters",
+    "robot_plant",
     "sensors",
     "simulate",
     "trajectory",
@@ -50,6 +52,7 @@ def kernel_sources() -> tuple[Path, ...]:
     """All source files on which the compiled plant depends."""
     return (
         *(path for path in sorted(_HERE.glob("*.py")) if path.stem not in _NEVER_COMPILED),
+        *sorted(Path(body.__file__).parent.glob("*.py")),
         *sorted(Path(gas.__file__).parent.glob("*.py")),
         *sorted(Path(physics.__file__).parent.glob("*.py")),
         *effect_files(),

@@ -93,12 +93,14 @@ def gas_rates(
         drawn = max(regulated_rate, 0.0) / per_flow
         if not has_tube:
             return spool_rate, regulated_rate, 0.0, drawn, 0.0
-    elif not shut:
-        x = opening(m, c, spool)
+    elif not is_regulator:
+        x = 0.0 if shut else opening(m, c, spool)
         fills = x >= 0.0
-        filling, venting = c[m + M_CONDUCTANCE], c[m + M_EXHAUST]
+        # One of both is 0. A choice of the conductance would become a choice of its address, with
+        # which no loop over lanes becomes vector code.
+        conductance = max(x, 0.0) * c[m + M_CONDUCTANCE] + max(-x, 0.0) * c[m + M_EXHAUST]
         source, sink = (supply, upstream) if fills else (upstream, ambient)
-        flow = reference_flow(abs(x) * (filling if fills else venting), critical, source, sink)
+        flow = reference_flow(conductance, critical, source, sink)
         drawn = flow if fills else 0.0
         vented = 0.0 if fills else flow
     valve_pressure_rate = 0.0

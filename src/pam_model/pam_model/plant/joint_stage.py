@@ -141,7 +141,7 @@ def regulated(m: int, c: Any) -> bool:
 
 
 @compiled
-def joint_rates(
+def hinge_torques(
     c: Any,
     tables: Any,
     y: Any,
@@ -154,11 +154,20 @@ def joint_rates(
     given: tuple[bool, bool],
     shut: bool,
     step: float,
-) -> float:
-    """Write every state's rate into `dy`; return the torque of the muscles [N m].
+) -> tuple[float, float, float]:
+    """Write the rates of all states of a joint but its speed and the reservoir.
 
     `drive` holds the rates of position and pressures that are `given`. `sliding` is the sign of the
     motion that friction opposes (0: no friction). Without `free` the joint is locked.
+
+    Returns
+    -------
+    muscles : float
+        Torque of the muscles [N m].
+    total : float
+        Torque of all that acts on the joint, without gravity and the body's own motion [N m].
+    drawn : float
+        Flow from the supply over rho0 [m^3/s].
     """
     position_given, pressure_given = given
     position = y[Y_POSITION]
@@ -201,7 +210,6 @@ def joint_rates(
     torque = muscle_torque(AGONIST_SIGN, arm, first)
     torque += muscle_torque(ANTAGONIST_SIGN, arm, second)
     dy[Y_POSITION] = speed
-    dy[Y_VELOCITY] = 0.0
     dy[Y_BRISTLE] = 0.0
     bristle = 0.0
     if c[C_PRESLIDING] > 0.0 and free:
@@ -210,28 +218,51 @@ def joint_rates(
         # Canudas de Wit et al. (1995): critical damping of the bristles at rest.
         damping = 2.0 * math.sqrt(grip * c[C_PRESLIDING] * c[C_INERTIA])
         bristle = grip * y[Y_BRISTLE] + damping * dy[Y_BRISTLE]
-    if free and not position_given:
-        total = (
-            torque
-            + c[C_EXTERNAL]
-            - c[C_VISCOUS] * speed
-            - c[C_GRAVITY] * sine(position - c[C_GRAVITY_ANGLE])
-            - bristle
-            + joint_torque(c, position, speed)
-        )
-        if sliding != 0.0:
-            total -= sliding * dry_friction(c, speed)
-        dy[Y_VELOCITY] = total * c[C_PER_INERTIA]
+    total = torque + c[C_EXTERNAL] - c[C_VISCOUS] * speed - bristle
+    total += joint_torque(c, position, speed) - sliding * dry_friction(c, speed)
+    return float(torque), float(total), drawn_first + drawn_second
+
+
+@compiled
+def reservoir_rate(
+    c: Any, conductance: float, volume: float, pressure: float, drawn: float
+) -> float:
+    """dP/dt of a reservoir [Pa/s] from which the flow `drawn` over rho0 [m^3/s] leaves."""
+    refill = reference_flow(conductance, c[AGONIST + M_CRITICAL], c[C_SUPPLY], pressure)
+    return float(c[C_EXPONENT] * c[C_RT] * c[C_DENSITY] * (refill - drawn) / volume)
+
+
+@compiled
+def joint_rates(
+    c: Any,
+    tables: Any,
+    y: Any,
+    dy: Any,
+    u0: float,
+    u1: float,
+    drive: Any,
+    sliding: float,
+    free: bool,
+    given: tuple[bool, bool],
+    shut: bool,
+    step: float,
+) -> float:
+    """Write every state's rate of a joint that moves alone into `dy`; arguments as `hinge_torques`.
+
+    Returns
+    -------
+    float
+        Torque of the muscles [N m].
+    """
+    torque, total, drawn = hinge_torques(
+        c, tables, y, dy, u0, u1, drive, sliding, free, given, shut, step
+    )
+    total -= c[C_GRAVITY] * sine(y[Y_POSITION] - c[C_GRAVITY_ANGLE])
+    # Lanes compute every branch anyway, and a loop over them is cheaper without any.
+    dy[Y_VELOCITY] = total * c[C_PER_INERTIA] if free and not given[0] else 0.0
     dy[Y_RESERVOIR] = 0.0
     if c[C_DROOP] > 0.0:
-        refill = reference_flow(
-            c[C_DROOP_CONDUCTANCE], c[AGONIST + M_CRITICAL], c[C_SUPPLY], y[Y_RESERVOIR]
+        dy[Y_RESERVOIR] = reservoir_rate(
+            c, c[C_DROOP_CONDUCTANCE], c[C_DROOP_VOLUME], y[Y_RESERVOIR], drawn
         )
-        dy[Y_RESERVOIR] = (
-            c[C_EXPONENT]
-            * c[C_RT]
-            * c[C_DENSITY]
-            * (refill - drawn_first - drawn_second)
-            / c[C_DROOP_VOLUME]
-        )
-    return float(torque)
+    return torque

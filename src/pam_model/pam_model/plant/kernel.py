@@ -2,10 +2,10 @@
 
 Constants, states and outputs are flat arrays; layout.py defines their indices. Dry friction and end
 stops are decided once per step. A joint at rest whose torque is below the friction stays locked for
-the step. For a sliding joint, friction opposes the speed at the start of the step, and the joint
-stops when its speed would change sign. Thus sticking is exact, and the scheme is stable for any
-friction at any step. If a presliding angle is given, sticking is elastic (joint_stage.py) and
-friction does not lock the joint.
+the step. For a sliding joint, friction opposes the speed at the start of the step; when the speed
+changes its sign, the joint stops unless its torque exceeds the friction. Thus sticking is exact,
+and the scheme is stable for any friction at any step. If a presliding angle is given, sticking is
+elastic (joint_stage.py) and friction does not lock the joint.
 """
 
 from __future__ import annotations
@@ -36,6 +36,7 @@ from pam_model.plant.layout import (
     C_GRAVITY,
     C_GRAVITY_ANGLE,
     C_LOWER,
+    C_PER_INERTIA,
     C_PRESLIDING,
     C_RADIUS,
     C_RATE,
@@ -248,10 +249,17 @@ def contact_at_rest(c: Any, y: Any, torque: float) -> int:
 
 
 @compiled
-def settle_contact(c: Any, y: Any, contact: float) -> None:
-    """Correct the state after a step: friction never reverses a motion, end stops are inelastic."""
-    if contact * y[Y_VELOCITY] < 0.0:
-        y[Y_VELOCITY] = 0.0
+def settle_contact(c: Any, y: Any, contact: float, before: float, step: float) -> None:
+    """Correct the state after a step: friction cannot drive a joint, end stops are inelastic.
+
+    `before` is the speed at the start of the step [rad/s]. From the time at which the speed is 0,
+    friction may have acted the other way round. If that is too little to hold the joint, it passes.
+    """
+    speed = y[Y_VELOCITY]
+    if contact * speed < 0.0:
+        late = speed / (speed - before) * step
+        gained = 2.0 * dry_friction(c, 0.0) * late * c[C_PER_INERTIA]
+        y[Y_VELOCITY] = contact * min(contact * speed + gained, 0.0)
     if y[Y_POSITION] >= c[C_UPPER]:
         y[Y_POSITION] = c[C_UPPER]
         y[Y_VELOCITY] = min(y[Y_VELOCITY], 0.0)
@@ -307,7 +315,7 @@ def run(
     pressure_given = len(pressures) > 0
     steps = step_count(c[C_RATE], sample_time, step)
     h = sample_time / steps
-    contact = 0
+    contact, before = 0, 0.0
     for i in range(3):
         work[5][i] = 0.0
     for k in range(len(outputs)):
@@ -318,10 +326,11 @@ def run(
             u0 = held_command(commands, 0, now, h, sample_time, c[AGONIST + M_DELAY])
             u1 = held_command(commands, 1, now, h, sample_time, c[ANTAGONIST + M_DELAY])
             if not position_given:
+                before = y[Y_VELOCITY]
                 contact = contact_of(c, tables, y, work, u0, u1, pressure_given, shut, h)
             rk4_step(c, tables, y, work, u0, u1, contact, position_given, pressure_given, shut, h)
             for i in range(2):
                 o = Y_AGONIST + i * N_MUSCLE_STATES
                 y[o + S_PRESSURE] = max(y[o + S_PRESSURE], LOWEST_PRESSURE)
             if not position_given:
-                settle_contact(c, y, contact)
+                settle_contact(c, y, contact, before, h)

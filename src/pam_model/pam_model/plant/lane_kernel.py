@@ -58,8 +58,9 @@ def hold(c: Any, held: Any, commands: Any, now: float, step: float, sample_time:
 
 @compiled
 def judge_contact(c: Any, y: Any, contact: Any) -> None:
-    """Write the contact, or AT_REST."""
+    """Write the contact, or AT_REST, and the speed with which the step begins."""
     contact[0] = float(moving_contact(c, y))
+    contact[1] = y[Y_VELOCITY]
 
 
 @compiled
@@ -140,11 +141,11 @@ def state_step(at: int, y: Any, k1: Any, k2: Any, k3: Any, k4: Any, step: float)
 
 
 @compiled
-def settle(c: Any, y: Any, contact: Any) -> None:
+def settle(c: Any, y: Any, contact: Any, step: float) -> None:
     """Correct the state after a step."""
     y[Y_AGONIST + S_PRESSURE] = max(y[Y_AGONIST + S_PRESSURE], LOWEST_PRESSURE)
     y[Y_ANTAGONIST + S_PRESSURE] = max(y[Y_ANTAGONIST + S_PRESSURE], LOWEST_PRESSURE)
-    settle_contact(c, y, contact[0])
+    settle_contact(c, y, contact[0], contact[1], step)
 
 
 # Loops over the lanes, which `with_loops` defines for each kernel.
@@ -199,7 +200,7 @@ def advance(
         move_lanes(active, c, y, k3, ys, h)
         rates_lanes(active, c, tables, ys, k4, held, contact, torque, drive, shut, h)
         finish_lanes(active, c, y, k1, k2, k3, k4, h)
-        settle_lanes(active, c, y, contact)
+        settle_lanes(active, c, y, contact, h)
 
 
 @cache

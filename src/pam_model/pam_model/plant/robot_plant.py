@@ -1,26 +1,27 @@
-"""All joints of a robot, simulated side by side, whose valves draw from one reservoir.
+"""The joints of a robot, coupled by its links and by the reservoir from which all valves draw.
 
-Each of the n joints is simulated with the share 1/n of the reservoir and of its refill path. After
-each `EXCHANGE` the pressures of the shares become equal, which keeps the mass of the gas. For short
-times between exchanges, this is one reservoir from which all joints draw:
-
-    dP_s/dt = k R T (mdot_in - sum of mdot_drawn)/V_s
+M(q) dv/dt + h(q, v) = torques of muscles, friction and end stops
+dP_s/dt = k R T (mdot_in - sum of mdot_drawn)/V_s
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
+from pam_model.body.hinge_tree import N_LINK_NUMBERS, N_LINK_SCRATCH
+from pam_model.body.link import STANDARD_GRAVITY, Link, link_numbers, smallest_inertia
+from pam_model.errors import PamError
+from pam_model.plant import layout as lay
+from pam_model.plant.command_history import CommandHistory
+from pam_model.plant.compiled import for_kernel
+from pam_model.plant.constants import derive_constants
 from pam_model.plant.parameters import PlantParameters
-from pam_model.plant.simulate import DEFAULT_STEP, Plant
+from pam_model.plant.robot_kernel import N_ROWS, run_robot
+from pam_model.plant.simulate import DEFAULT_STEP, Plant, initial_state
 
-EXCHANGE: Final = 1e-3
-"""Longest time between two exchanges of gas between the shares of the reservoir [s]."""
 Array = npt.NDArray[np.float64]
 Reading = tuple[float, float, float]
 
@@ -31,16 +32,26 @@ class RobotPlant:
     Parameters
     ----------
     parameters : sequence of PlantParameters
-        By joint.
+        By joint. With `links`, the inertia and the gravity torque of a joint are what it has in
+        addition to them, such as those of its pulley or of a payload on the last link.
     step : float, optional
         Longest RK4 step [s].
     states : sequence of array, optional
         By joint, as for `Plant`.
+    links : sequence of Link, optional
+        The link that each joint turns; without them, the joints do not move each other.
+    gravity : (3,) array, optional
+        Acceleration of free fall in the frame of the base [m/s^2].
 
     Attributes
     ----------
     joints : tuple of Plant
-        The plant of each joint.
+        The plant of each joint, for its outputs and to change its parameters.
+
+    Raises
+    ------
+    PamError
+        If there is not one link for each joint, or a link is none that a body can be.
     """
 
     def __init__(
@@ -48,12 +59,61 @@ class RobotPlant:
         parameters: Sequence[PlantParameters],
         step: float = DEFAULT_STEP,
         states: Sequence[Array | None] | None = None,
+        *,
+        links: Sequence[Link] = (),
+        gravity: Sequence[float] = STANDARD_GRAVITY,
     ) -> None:
-        share = 1.0 / max(len(parameters), 1)
-        starts: Sequence[Array | None] = states or [None] * len(parameters)
+        n = len(parameters)
+        if links and len(links) != n:
+            raise PamError(f"{len(links)} links for {n} joints: expected one for each")
+        share = 1.0 / max(n, 1)
+        starts = [
+            initial_state(one) if start is None else start
+            for one, start in zip(parameters, states or [None] * n, strict=True)
+        ]
+        own = np.array([derive_constants(one.values)[lay.C_INERTIA] for one in parameters])
+        numbers = link_numbers(links) if links else np.zeros((0, N_LINK_NUMBERS))
+        if links:
+            lower, upper = (
+                [one[f"joint.{side}_limit"] for one in parameters] for side in ("lower", "upper")
+            )
+            # For the longest stable step and the damping of presliding.
+            felt = smallest_inertia(numbers, own, lower, upper)
+            parameters = [
+                one.forced({"joint.inertia": one["joint.inertia"] + felt[i] - own[i]})
+                for i, one in enumerate(parameters)
+            ]
         self.joints = tuple(
             Plant(one, step, start, reservoir_share=share)
             for one, start in zip(parameters, starts, strict=True)
+        )
+        self._step = step
+        self._is_alone = n == 1 and not links
+        self._history = CommandHistory(
+            max((plant.longest_delay for plant in self.joints), default=0.0)
+        )
+        self._constants = for_kernel(
+            np.array([derive_constants(one.values, share) for one in parameters])
+        )
+        self._y = for_kernel(np.reshape(np.array(starts, dtype=float), (n, lay.N_STATES)))
+        self._outputs = for_kernel(np.zeros((1, n, lay.N_OUTPUTS)))
+        for i, plant in enumerate(self.joints):
+            plant.share_memory(self._constants[i], self._y[i], self._outputs[0][i : i + 1])
+        self._tables = for_kernel(_stacked([t for one in parameters for t in one.tables]))
+        self._body = tuple(
+            for_kernel(array)
+            for array in (
+                numbers,
+                np.array(gravity, dtype=float),
+                own,
+                np.zeros((n, N_LINK_SCRATCH)),
+                np.zeros((n, n)),
+                np.zeros((n, n)),
+            )
+        )
+        self._scratch = tuple(
+            for_kernel(np.zeros(shape))
+            for shape in ((4, n, lay.N_STATES), (n, lay.N_STATES), 2 * n, 3, (N_ROWS, n))
         )
 
     @property
@@ -76,23 +136,27 @@ class RobotPlant:
         list of (position, pressure, pressure)
             By joint, as from `Plant.step`.
         """
-        shares = len(self.joints) > 1 and any(plant.has_reservoir for plant in self.joints)
-        pieces = max(math.ceil(duration / EXCHANGE - 1e-9), 1) if shares else 1
-        for _ in range(pieces):
-            readings = [
-                plant.step(pair, duration / pieces)
-                for plant, pair in zip(self.joints, commands, strict=True)
-            ]
-            if shares:
-                self._exchange()
-        return readings
+        if self._is_alone:
+            return [self.joints[0].step(commands[0], duration)]
+        flat = [command for pair in commands for command in pair]
+        rows, at = self._history.with_next(flat, duration)
+        run_robot(
+            self._constants, self._tables, self._body, for_kernel(np.array(rows)), at, duration,
+            self._step, self._y, *self._scratch, self._outputs,
+        )  # fmt: skip
+        return [plant.observe(duration) for plant in self.joints]
 
-    def _exchange(self) -> None:
-        """Make the pressures of all shares equal; the mass of the gas is kept."""
-        volumes = [plant.reservoir_volume for plant in self.joints]
-        gas = sum(
-            plant.reservoir_pressure * volume
-            for plant, volume in zip(self.joints, volumes, strict=True)
-        )
-        for plant in self.joints:
-            plant.fill_reservoir(gas / sum(volumes))
+
+def _stacked(tables: Sequence[Array]) -> Array:
+    """Force tables as one array (n, rows, columns).
+
+    A table with fewer rows goes on in pressure as it does beyond its last row: linearly.
+    """
+    rows, columns = np.max([table.shape for table in tables], axis=0)
+    stacked = np.zeros((len(tables), rows, columns))
+    for table, place in zip(tables, stacked, strict=True):
+        height, width = table.shape
+        place[:height, :width] = table
+        further = np.arange(1, rows - height + 1)[:, None]
+        place[height:, :width] = table[-1] + further * (table[-1] - table[-2])
+    return stacked

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -22,6 +23,7 @@ from pam_model.errors import PamError
 from pam_model.physics.pressure_sensor import true_pressure
 from pam_model.plant import layout as lay
 from pam_model.plant.batch_kernel import simulate_block
+from pam_model.plant.command_history import CommandHistory
 from pam_model.plant.compile_beside import CompileBeside
 from pam_model.plant.compiled import HAVE_NUMBA, for_kernel
 from pam_model.plant.constants import derive_constants
@@ -316,11 +318,7 @@ class Plant:
         self._y = for_kernel(np.array(start, dtype=float))
         self._row = for_kernel(np.zeros((1, lay.N_OUTPUTS)))
         self._sensors = SensorFilter(parameters.values)
-        self._longest_delay = max(
-            float(self._constants[m + lay.M_DELAY]) for m in (lay.AGONIST, lay.ANTAGONIST)
-        )
-        self._history: list[tuple[float, float]] = []
-        self._period = 0.0
+        self._history = CommandHistory(self.longest_delay)
         self.time = 0.0
         self._observe()
 
@@ -351,13 +349,14 @@ class Plant:
         return bool(self._constants[lay.C_DROOP] > 0.0)
 
     @property
-    def reservoir_volume(self) -> float:
-        """Volume of this joint's share of the reservoir [m^3]."""
-        return float(self._constants[lay.C_DROOP_VOLUME])
+    def longest_delay(self) -> float:
+        """The longest delay of a valve's command [s]."""
+        sides = (lay.AGONIST, lay.ANTAGONIST)
+        return max(float(self._constants[m + lay.M_DELAY]) for m in sides)
 
-    def fill_reservoir(self, pressure: float) -> None:
-        """Set the pressure of the reservoir [Pa absolute]."""
-        self._y[lay.Y_RESERVOIR] = pressure
+    def share_memory(self, constants: Any, state: Any, output: Any) -> None:
+        """Use these arrays of the same content from now on, as a joint of a `RobotPlant`."""
+        self._constants, self._y, self._row = constants, state, output
 
     def change(self, changes: Mapping[str, float]) -> None:
         """Change parameters of the gas during the simulation; the state is kept.
@@ -369,7 +368,7 @@ class Plant:
         """
         self.parameters = self.parameters.forced(changes)
         derived = derive_constants(self.parameters.values, self._reservoir_share)
-        self._constants = for_kernel(derived)
+        self._constants[:] = for_kernel(derived)
         if not self._constants[lay.C_DROOP] > 0.0:
             self._y[lay.Y_RESERVOIR] = self.parameters["supply_pressure"]
 
@@ -390,11 +389,7 @@ class Plant:
         pressures : two floats
             Gauge [Pa].
         """
-        first, second = float(commands[0]), float(commands[1])
-        if self._longest_delay > 0.0:
-            rows, at = self._delayed(first, second, duration)
-        else:
-            rows, at = [(first, second)], 0
+        rows, at = self._history.with_next(commands[:2], duration)
         run(
             self._constants,
             self._tables,
@@ -409,6 +404,10 @@ class Plant:
             self._work,
             self._row,
         )
+        return self.observe(duration)
+
+    def observe(self, duration: float) -> tuple[float, float, float]:
+        """Write the outputs of a state that is `duration` [s] later; return the readings."""
         self.time += duration
         self._observe()
         row = self._row[0]
@@ -421,24 +420,6 @@ class Plant:
 
     def _observe(self) -> None:
         record(self._constants, self._tables, self._y, self._row[0])
-
-    def _delayed(
-        self, first: float, second: float, duration: float
-    ) -> tuple[list[tuple[float, float]], int]:
-        """Past commands, one per `duration`, back to the longest delay, and the present index."""
-        if duration != self._period:
-            # For a new duration, the past commands are resampled.
-            old, period = self._history, self._period
-            keep = int(self._longest_delay / duration) + 2
-            self._history = [
-                old[max(len(old) - 1 - int((keep - 1 - i) * duration / period), 0)]
-                for i in range(keep)
-            ] if old else [(first, second)]  # fmt: skip
-            self._period = duration
-        self._history.append((first, second))
-        keep = int(self._longest_delay / duration) + 3
-        del self._history[:-keep]
-        return self._history, len(self._history) - 1
 
 
 def _checked(name: str, array: Array, shape: tuple[int | None, ...]) -> Array:

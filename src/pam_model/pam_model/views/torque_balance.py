@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from pam_model.effects.slots import DryFriction, JointTorque
@@ -81,6 +82,11 @@ def unbalanced_torque(joint: RobotJoint, torque: float, position: float, velocit
 def inertia_torque(joint: RobotJoint, acceleration: float) -> float:
     """Torque that an acceleration [rad/s^2] of the joint needs [N m]."""
     return joint.inertia * acceleration
+
+
+def critical_damping(joint: RobotJoint, stiffness: float) -> float:
+    """Damping [N m s/rad] above which a joint on a spring [N m/rad] does not swing."""
+    return 2.0 * math.sqrt(stiffness * joint.inertia)
 
 
 def free_acceleration(joint: RobotJoint, torque: float, position: float, velocity: float) -> float:

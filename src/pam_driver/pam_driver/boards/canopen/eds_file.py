@@ -90,6 +90,11 @@ class _Section:
         sub = match[2] if match.re is _OBJECT else None
         return int(match[1], 16), None if sub is None else int(sub, 16)
 
+    @property
+    def meaning(self) -> dict[str, str]:
+        """What the driver reads of it."""
+        return {key: value for key, (value, _) in self.values.items() if key in _KEYS}
+
     def get(self, key: str) -> str:
         """A value; empty if it is missing."""
         return self.values.get(key, ("", 0))[0]
@@ -138,35 +143,52 @@ def eds_number(text: str, node: int = 0) -> int | None:
 
 def _sections(text: str, flaws: list[Flaw]) -> list[_Section]:
     """The sections in the order of the file; those of one name are put together."""
-    found: dict[str, _Section] = {}
-    current = _Section("", 0)
+    written = [_Section("", 0)]
     for number, line in enumerate(text.split("\n"), 1):
         plain = line.strip()
         if not plain or plain[0] in ";#":
             continue
+        current = written[-1]
         if plain[0] == "[":
             match = _HEADER.fullmatch(plain)
             name = (match[1] if match else plain.strip("[]")).strip().lower()
-            current = _Section(name, number)
+            current = _Section(name.removeprefix("0x"), number)
+            written.append(current)
             if match is None or (match[2].strip() and match[2].strip()[0] not in ";#"):
                 flaws.append(Flaw(number, f"{shown(plain)} is no [section]", *current.place))
-            first = found.setdefault(name, current)
-            if first is not current:
-                text_of = f"[{name[:16]}] is there twice, first in line {first.line}"
-                flaws.append(Flaw(number, text_of, *current.place))
-                current = first
             continue
         key, equals, value = plain.partition("=")
         value = re.split(r"(?:^|\s);", value, maxsplit=1)[0].strip()
-        if not equals:
+        if equals:
+            _keep(current, key.strip().lower(), (value, number), flaws)
+        else:
             flaws.append(Flaw(number, f"{shown(plain)} is no key = value", *current.place))
+    return _united(written, flaws)
+
+
+def _keep(section: _Section, key: str, given: tuple[str, int], flaws: list[Flaw]) -> None:
+    """Add a value with its line to a section, unless it has one; of two, the first counts."""
+    before = section.values.setdefault(key, given)
+    if before[1] != given[1]:
+        text = f"{shown(key)} is there twice, first in line {before[1]}"
+        doubtful = before[0] != given[0] and key in _KEYS
+        flaws.append(Flaw(given[1], text, *(section.place if doubtful else ())))
+
+
+def _united(written: Iterable[_Section], flaws: list[Flaw]) -> list[_Section]:
+    """One section for each name; a second one that says the same makes nothing doubtful."""
+    found: dict[str, _Section] = {}
+    for section in written:
+        first = found.setdefault(section.name, section)
+        if first is section:
             continue
-        key = key.strip().lower()
-        before = current.values.setdefault(key, (value, number))
-        if before[1] != number:
-            text_of = f"{shown(key)} is there twice, first in line {before[1]}"
-            doubtful = before[0] != value and key in _KEYS
-            flaws.append(Flaw(number, text_of, *(current.place if doubtful else ())))
+        text = f"[{section.name[:16]}] is there twice, first in line {first.line}"
+        if first.meaning == section.meaning:
+            flaws.append(Flaw(section.line, text))
+            continue
+        flaws.append(Flaw(section.line, text, *section.place))
+        for key, given in section.values.items():
+            _keep(first, key, given, flaws)
     return list(found.values())
 
 

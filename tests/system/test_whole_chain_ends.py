@@ -1,4 +1,7 @@
-"""However a node ends, the muscles are vented, and nothing hangs. Seen on the bus."""
+"""However a node ends, the muscles are vented, and nothing hangs. Seen on the bus.
+
+The chain is that of test_whole_chain.py, which runs before.
+"""
 
 from __future__ import annotations
 

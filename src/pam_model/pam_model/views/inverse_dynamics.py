@@ -2,7 +2,7 @@
 
 inertia qdd + viscous_friction qd + gravity_torque sin(q - gravity_angle)
 
-Dry friction depends on the motion before; it comes on top (`history_torque`).
+Dry friction, which depends on the motion before, is not part of it.
 
 All parameters include the effects that the rig file names, such as a payload.
 """
@@ -11,13 +11,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
-from pam_control.compensation.dry_friction import DryFriction
-from pam_control.references.spline import JointReference
+import numpy as np
+import numpy.typing as npt
+
 from pam_model.effects import TorqueFeedforward, bound
 from pam_model.effects.slots import JointTorque
-from pam_model.robot import RobotJoint
+from pam_model.robot.robot import RobotJoint
+
+Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,8 +37,6 @@ class InverseDynamics:
         m g l [N m].
     gravity_angle : float
         Angle at which gravity acts along the limb and makes no torque [rad].
-    dry_friction : DryFriction
-        All dry friction.
     smooth_torques : tuple of callable
         Other torques [N m] that act on the joint, as functions of position [rad] and velocity
         [rad/s].
@@ -45,7 +46,6 @@ class InverseDynamics:
     viscous_friction: float
     gravity_torque: float
     gravity_angle: float
-    dry_friction: DryFriction = field(default_factory=DryFriction)
     smooth_torques: tuple[Callable[[float, float], float], ...] = ()
 
     @classmethod
@@ -56,7 +56,6 @@ class InverseDynamics:
             joint.viscous_friction,
             joint.gravity_torque,
             joint.gravity_angle,
-            DryFriction.from_joint(joint),
             tuple(
                 bound(slot.law, values)
                 for _, slot, values in joint.laws(JointTorque, TorqueFeedforward)
@@ -82,12 +81,18 @@ class InverseDynamics:
         """Torque [N m] for a measured motion [rad], [rad/s]: no inertia, no friction."""
         return self.gravity(position) - self._added(position, velocity)
 
-    def torque(self, reference: JointReference) -> float:
-        """Torque [N m] for the motion `reference`, without dry friction."""
-        added = self._added(reference.position, reference.velocity)
-        return (
-            self.inertia * reference.acceleration
-            + self.viscous_friction * reference.velocity
-            + self.gravity(reference.position)
-            - added
-        )
+    def moving_torque[Number: (float, Array)](
+        self, velocity: Number, acceleration: Number
+    ) -> Number:
+        """Torque [N m] that inertia and viscous friction take of a motion [rad/s], [rad/s^2]."""
+        return self.inertia * acceleration + self.viscous_friction * velocity
+
+    def acceleration(self, torque: float) -> float:
+        """Acceleration [rad/s^2] that a torque [N m] gives to the limb alone."""
+        return torque / self.inertia
+
+    def torque(self, position: float, velocity: float, acceleration: float) -> float:
+        """Torque [N m] for a motion [rad], [rad/s], [rad/s^2]."""
+        added = self._added(position, velocity)
+        moving = self.moving_torque(velocity, acceleration)
+        return moving + self.gravity(position) - added

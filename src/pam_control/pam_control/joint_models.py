@@ -1,0 +1,114 @@
+"""What holds for one joint while it is controlled: the numbers and models of it, made once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from pam_control.compensation.dry_friction import DryFriction
+from pam_control.joint_scale import JointScale
+from pam_control.limited import limited
+from pam_control.references.spline import JointReference
+from pam_control.settings import ControlSettings
+from pam_model.joints.antagonistic_joint import AntagonisticJoint
+from pam_model.robot import Robot, RobotJoint, RobotMuscle
+from pam_model.views.inverse_dynamics import InverseDynamics
+
+Pair = tuple[float, float]
+
+# Of max_pressure, above which the driver vents: pressure loops overshoot by 1 %, and noise adds.
+PRESSURE_SHARE = 0.97
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JointModels:
+    """The models of one joint.
+
+    Attributes
+    ----------
+    robot : Robot
+        It belongs to this robot.
+    joint : RobotJoint
+        Its limits and its place among the joints.
+    model : AntagonisticJoint
+        Torque and stiffness of its muscles, and their inverse.
+    dynamics : InverseDynamics
+        Its equation of motion, without dry friction.
+    dry_friction : DryFriction
+        As it is compensated.
+    muscles : tuple of RobotMuscle
+        Agonist, antagonist.
+    scale : JointScale
+        Its size.
+    pressure_lag : float
+        Of the pressure sensors [s]; well above the pressure loop's crossover it acts as a delay.
+    """
+
+    robot: Robot
+    joint: RobotJoint
+    model: AntagonisticJoint
+    dynamics: InverseDynamics
+    dry_friction: DryFriction
+    muscles: tuple[RobotMuscle, ...]
+    scale: JointScale
+    pressure_lag: float
+
+    @classmethod
+    def of(cls, robot: Robot, joint: RobotJoint, min_pressure: float) -> JointModels:
+        """The models of a joint whose muscles have at least this pressure [Pa]."""
+        model = AntagonisticJoint.from_robot(
+            robot, joint, min_pressure=min_pressure, pressure_share=PRESSURE_SHARE
+        )
+        muscles = tuple(robot.muscles[place] for place in joint.muscles)
+        return cls(
+            robot,
+            joint,
+            model,
+            InverseDynamics.from_joint(joint),
+            DryFriction.from_joint(joint),
+            muscles,
+            JointScale.of(joint, model),
+            max(muscle.pressure_lag for muscle in muscles),
+        )
+
+    @property
+    def name(self) -> str:
+        """Of the joint."""
+        return self.joint.name
+
+    @property
+    def turn(self) -> float:
+        """Place among the joints [-], so that not all of them learn in one control cycle."""
+        return self.joint.place / len(self.robot.joints)
+
+    @property
+    def valve_time_constants(self) -> tuple[float, ...]:
+        """Lags of the valves [s]."""
+        return tuple(muscle.valve.time_constant for muscle in self.muscles)
+
+    @property
+    def command_delays(self) -> tuple[float, ...]:
+        """Delays of the valves [s]."""
+        return tuple(muscle.valve.command_delay for muscle in self.muscles)
+
+    @property
+    def position_delay(self) -> float:
+        """Of the position sensor [s]."""
+        return self.joint.position_delay
+
+    def torque(self, reference: JointReference) -> float:
+        """Torque [N m] for a reference, without dry friction."""
+        return self.dynamics.torque(reference.position, reference.velocity, reference.acceleration)
+
+    def inside(self, position: float) -> float:
+        """The position [rad] limited to the range of the muscles' models."""
+        low, high = self.model.position_range
+        return limited(position, low, high)
+
+    def acting_delays(self, settings: ControlSettings) -> Pair:
+        """Time from a control cycle until each valve acts, by the rig file [s]."""
+        soon = settings.command_delay + 0.5 * settings.period
+        first, second = (
+            soon + settings.lead_ratio * lag + delay
+            for lag, delay in zip(self.valve_time_constants, self.command_delays, strict=True)
+        )
+        return first, second

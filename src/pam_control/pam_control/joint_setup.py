@@ -1,0 +1,85 @@
+"""What is in force for one joint until the settings change: made of settings, law and gains."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from pam_control.declared import BY_SIZE, sized
+from pam_control.feedback.gain_schedule import GainSchedule
+from pam_control.feedback.margins import Margins
+from pam_control.joint_models import JointModels, Pair
+from pam_control.laws.law import AnyLaw
+from pam_control.learning.motion_learner import MotionLearner
+from pam_control.loop_design import Loops, PreparedSettings
+from pam_control.settings import ControlSettings
+
+
+@dataclass(frozen=True, slots=True)
+class JointSetup:
+    """What is in force for one joint until the settings change.
+
+    Attributes
+    ----------
+    law : Law
+        With the values that follow from the size of the joint.
+    settings : ControlSettings
+        The same.
+    gains : GainSchedule
+        Of the feedback.
+    integral_limit : float
+        Of the feedback, in the unit of its output.
+    acting_delays : (float, float)
+        Time from a control cycle until each valve acts, by the rig file [s].
+    margins : list of Margins
+        With these gains, the worst operating point first.
+    adapts : bool
+        Whether what was learnt is used.
+    learner : MotionLearner or None
+        Of a motion that is repeated.
+    """
+
+    law: AnyLaw
+    settings: ControlSettings
+    gains: GainSchedule
+    integral_limit: float
+    acting_delays: Pair
+    margins: list[Margins]
+    adapts: bool
+    learner: MotionLearner | None
+
+
+def joint_setups(
+    joints: Sequence[JointModels], prepared: PreparedSettings, loops: Loops
+) -> list[JointSetup]:
+    """What is in force for each joint.
+
+    Parameters
+    ----------
+    joints : sequence of JointModels
+        All joints.
+    prepared : PreparedSettings
+        Gives the law and what is learnt.
+    loops : Loops
+        The normal or the soft ones of it.
+    """
+    law, session = prepared.law, None if loops.soft else prepared.learning
+    setups = []
+    for models, margins in zip(joints, loops.margins, strict=True):
+        settings = models.scale.complete(loops.settings)
+        limit = settings.integral_limit
+        if loops.settings.integral_limit == BY_SIZE and law.largest_integral is not None:
+            limit = law.largest_integral
+        setups.append(
+            JointSetup(
+                sized(law, models.scale, settings),
+                settings,
+                settings.gains[models.name],
+                limit,
+                models.acting_delays(settings),
+                margins,
+                settings.adaptation and law.has_adaptation,
+                session.learners[models.name] if session else None,
+            )
+        )
+    return setups

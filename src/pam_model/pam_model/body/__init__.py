@@ -1,0 +1,1 @@
+"""Rigid bodies on hinges: their equation of motion, and the contacts that stop them."""

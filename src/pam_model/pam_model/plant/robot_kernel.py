@@ -1,0 +1,298 @@
+"""Time integration of all joints of a robot, with the tree of links that couples them.
+
+As in kernel.py: classical RK4 with held commands, and contacts that are decided once per step. A
+joint that stands still is held by dry friction or an end stop if the torque that this needs can be
+found for all joints together (pam_model.body.contact). A joint whose speed would change its sign is
+stopped by the friction that the rest of the step leaves; an end stop is inelastic. Both are
+impulses, which move the other joints as well. All valves draw from one reservoir.
+
+What the rig file states of a joint alone, its inertia and its gravity torque, is added to the
+links. Without links, the joints do not move each other.
+
+The state has one row per joint in the order of layout.STATE_NAMES; the pressure of the reservoir is
+in each row.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from pam_model.body.contact import AT_HIGH, AT_LOW, FREE, HELD, settle_contacts, solve_moving
+from pam_model.body.hinge_tree import mass_and_bias
+from pam_model.physics.sine import sine
+from pam_model.plant.compiled import compiled, compiled_loop, entry_point
+from pam_model.plant.composition import dry_friction
+from pam_model.plant.joint_stage import hinge_torques, reservoir_rate
+from pam_model.plant.kernel import LOWEST_PRESSURE, held_command, record, step_count
+from pam_model.plant.layout import (
+    AGONIST,
+    ANTAGONIST,
+    C_DROOP,
+    C_DROOP_CONDUCTANCE,
+    C_DROOP_VOLUME,
+    C_FRICTION,
+    C_GRAVITY,
+    C_GRAVITY_ANGLE,
+    C_LOWER,
+    C_PRESLIDING,
+    C_RATE,
+    C_UPPER,
+    M_DELAY,
+    N_MUSCLE_STATES,
+    N_STATES,
+    S_PRESSURE,
+    Y_AGONIST,
+    Y_POSITION,
+    Y_RESERVOIR,
+    Y_VELOCITY,
+)
+
+# Rows of the scratch memory that have one number per joint.
+(_ANGLES, _SPEEDS, _BIAS, _TOTAL, _ACCELERATION, _LOW, _HIGH, _STATE, _GIVEN, _EFFORT, _BEFORE,
+ _SLIDING, _LATE) = range(13)  # fmt: skip
+N_ROWS: Final = 13
+UNBOUNDED: Final = 1e300
+
+
+@compiled
+def is_stuck_by_friction(c: Any) -> bool:
+    """Whether dry friction without presliding acts on a joint."""
+    return bool(c[C_PRESLIDING] <= 0.0 and c[C_FRICTION] > 0.0)
+
+
+@compiled_loop
+def robot_rates(
+    c: Any,
+    tables: Any,
+    body: Any,
+    y: Any,
+    dy: Any,
+    held: Any,
+    drive: Any,
+    work: Any,
+    step: float,
+) -> None:
+    """Write the rates of all states; work[_STATE] and work[_SLIDING] hold the contacts."""
+    links, gravity, inertia, scratch, mass, factor = body
+    n = len(c)
+    drawn = 0.0
+    conductance = 0.0
+    volume = 0.0
+    for i in range(n):
+        work[_ANGLES][i] = y[i][Y_POSITION]
+        work[_SPEEDS][i] = y[i][Y_VELOCITY]
+        pair = (tables[2 * i], tables[2 * i + 1])
+        _, total, flow = hinge_torques(
+            c[i], pair, y[i], dy[i], held[2 * i], held[2 * i + 1], drive, work[_SLIDING][i],
+            work[_STATE][i] != HELD, (False, False), False, step,
+        )  # fmt: skip
+        work[_TOTAL][i] = total
+        drawn += flow
+        conductance += c[i][C_DROOP_CONDUCTANCE]
+        volume += c[i][C_DROOP_VOLUME]
+    for i in range(n):
+        work[_BIAS][i] = 0.0
+        for j in range(n):
+            mass[i][j] = 0.0
+    if len(links) > 0:
+        mass_and_bias(links, gravity, work[_ANGLES], work[_SPEEDS], scratch, mass, work[_BIAS])
+    for i in range(n):
+        own = c[i][C_GRAVITY] * sine(y[i][Y_POSITION] - c[i][C_GRAVITY_ANGLE])
+        work[_TOTAL][i] -= own + work[_BIAS][i]
+        mass[i][i] += inertia[i]
+    solve_moving(mass, work[_STATE], work[_TOTAL], factor, work[_ACCELERATION])
+    rate = 0.0
+    if c[0][C_DROOP] > 0.0:
+        rate = reservoir_rate(c[0], conductance, volume, y[0][Y_RESERVOIR], drawn)
+    for i in range(n):
+        dy[i][Y_VELOCITY] = work[_ACCELERATION][i]
+        dy[i][Y_RESERVOIR] = rate
+
+
+@compiled_loop
+def judge_contacts(
+    c: Any, tables: Any, body: Any, y: Any, dy: Any, held: Any, drive: Any, work: Any, step: float
+) -> None:
+    """Decide which joints are held in this step, and in which direction friction acts."""
+    _, _, _, _, mass, factor = body
+    n = len(c)
+    any_at_rest = False
+    for i in range(n):
+        speed = y[i][Y_VELOCITY]
+        rubs = is_stuck_by_friction(c[i])
+        work[_STATE][i] = FREE
+        work[_LOW][i], work[_HIGH][i] = 0.0, 0.0
+        work[_SLIDING][i] = 0.0
+        if speed != 0.0:
+            if rubs:
+                work[_SLIDING][i] = 1.0 if speed > 0.0 else -1.0
+        elif rubs or y[i][Y_POSITION] <= c[i][C_LOWER] or y[i][Y_POSITION] >= c[i][C_UPPER]:
+            grip = dry_friction(c[i], 0.0) if rubs else 0.0
+            work[_STATE][i] = HELD
+            work[_LOW][i] = -UNBOUNDED if y[i][Y_POSITION] >= c[i][C_UPPER] else -grip
+            work[_HIGH][i] = UNBOUNDED if y[i][Y_POSITION] <= c[i][C_LOWER] else grip
+            any_at_rest = True
+    if not any_at_rest:
+        return
+    robot_rates(c, tables, body, y, dy, held, drive, work, step)
+    settle_contacts(
+        mass, work[_TOTAL], work[_LOW], work[_HIGH], work[_STATE], factor, work[_GIVEN],
+        work[_ACCELERATION], work[_EFFORT],
+    )  # fmt: skip
+    for i in range(n):
+        if work[_STATE][i] == AT_LOW or work[_STATE][i] == AT_HIGH:
+            if is_stuck_by_friction(c[i]):
+                work[_SLIDING][i] = float(work[_STATE][i])
+            work[_STATE][i] = FREE
+
+
+@compiled
+def apply_impulses(y: Any, body: Any, work: Any) -> None:
+    """Change all speeds by impulses within the bounds in work[_LOW] and work[_HIGH] [N m s]."""
+    _, _, _, _, mass, factor = body
+    n = len(y)
+    for i in range(n):
+        work[_TOTAL][i] = 0.0
+        for j in range(n):
+            work[_TOTAL][i] += mass[i][j] * y[j][Y_VELOCITY]
+    settle_contacts(
+        mass, work[_TOTAL], work[_LOW], work[_HIGH], work[_STATE], factor, work[_GIVEN],
+        work[_SPEEDS], work[_EFFORT],
+    )  # fmt: skip
+    for i in range(n):
+        y[i][Y_VELOCITY] = work[_SPEEDS][i]
+
+
+@compiled_loop
+def settle_robot(c: Any, body: Any, y: Any, work: Any, step: float) -> None:
+    """Correct the state after a step: friction cannot drive a joint, and end stops take its speed.
+
+    The mass matrix is that of the last stage of the step.
+    """
+    n = len(c)
+    longest = 0.0
+    for i in range(n):
+        speed = y[i][Y_VELOCITY]
+        late = 0.0
+        if work[_SLIDING][i] * speed < 0.0:
+            # From the time at which the speed is 0, friction may have acted the other way round.
+            late = speed / (speed - work[_BEFORE][i]) * step
+        work[_LATE][i] = late
+        longest = max(longest, late)
+    for i in range(n):
+        if work[_STATE][i] == HELD:
+            # A held joint may be held by another torque from then on.
+            work[_LOW][i] = (work[_LOW][i] - work[_EFFORT][i]) * longest
+            work[_HIGH][i] = (work[_HIGH][i] - work[_EFFORT][i]) * longest
+        else:
+            turned = 2.0 * dry_friction(c[i], 0.0) * work[_LATE][i]
+            work[_LOW][i] = -turned if work[_SLIDING][i] < 0.0 else 0.0
+            work[_HIGH][i] = turned if work[_SLIDING][i] > 0.0 else 0.0
+            work[_STATE][i] = HELD if turned > 0.0 else FREE
+    if longest > 0.0:
+        apply_impulses(y, body, work)
+    any_hits = False
+    for i in range(n):
+        work[_LOW][i], work[_HIGH][i] = 0.0, 0.0
+        work[_STATE][i] = FREE
+        if y[i][Y_POSITION] >= c[i][C_UPPER]:
+            y[i][Y_POSITION] = c[i][C_UPPER]
+            work[_LOW][i] = -UNBOUNDED
+            any_hits = any_hits or y[i][Y_VELOCITY] > 0.0
+        elif y[i][Y_POSITION] <= c[i][C_LOWER]:
+            y[i][Y_POSITION] = c[i][C_LOWER]
+            work[_HIGH][i] = UNBOUNDED
+            any_hits = any_hits or y[i][Y_VELOCITY] < 0.0
+        if work[_LOW][i] < work[_HIGH][i]:
+            work[_STATE][i] = HELD
+    if any_hits:
+        apply_impulses(y, body, work)
+
+
+@compiled_loop
+def advance_robot(
+    c: Any, tables: Any, body: Any, y: Any, ks: Any, ys: Any, held: Any, drive: Any, work: Any,
+    h: float,
+) -> None:  # fmt: skip
+    """Advance the state by one step of `h` [s]."""
+    n = len(c)
+    judge_contacts(c, tables, body, y, ks[0], held, drive, work, h)
+    for i in range(n):
+        work[_BEFORE][i] = y[i][Y_VELOCITY]
+        for k in range(N_STATES):
+            ys[i][k] = y[i][k]
+    for stage in range(4):
+        if stage > 0:
+            part = h if stage == 3 else 0.5 * h
+            for i in range(n):
+                for k in range(N_STATES):
+                    ys[i][k] = y[i][k] + part * ks[stage - 1][i][k]
+        robot_rates(c, tables, body, ys, ks[stage], held, drive, work, h)
+    for i in range(n):
+        for k in range(N_STATES):
+            middle = 2.0 * (ks[1][i][k] + ks[2][i][k])
+            y[i][k] += h / 6.0 * (ks[0][i][k] + middle + ks[3][i][k])
+        for o in (Y_AGONIST, Y_AGONIST + N_MUSCLE_STATES):
+            y[i][o + S_PRESSURE] = max(y[i][o + S_PRESSURE], LOWEST_PRESSURE)
+    settle_robot(c, body, y, work, h)
+
+
+@entry_point
+def run_robot(
+    c: Any,
+    tables: Any,
+    body: Any,
+    commands: Any,
+    first: int,
+    sample_time: float,
+    step: float,
+    y: Any,
+    ks: Any,
+    ys: Any,
+    held: Any,
+    drive: Any,
+    work: Any,
+    outputs: Any,
+) -> None:
+    """Simulate a robot: outputs[k, i] is joint i when command row `first + k` begins.
+
+    Parameters
+    ----------
+    c : (n, n_constants) array
+        Of each joint; the reservoir is the sum of the joints' shares.
+    tables : (2 n, rows, columns) array
+        Force tables of both muscles of each joint.
+    body : tuple of arrays
+        Links, gravity, each joint's own inertia, and scratch memory for the tree, its mass matrix
+        and the factor of this.
+    commands : (n_samples, 2 n) array
+        Per muscle; row k holds from k sample times to k + 1.
+    first : int
+        Row with which the simulation begins; the ones before it serve valves with a delay.
+    sample_time, step : float
+        Sample time and longest integration step [s].
+    y : (n, n_states) array
+        The state, before and after.
+    ks, ys, held, drive, work : arrays
+        Scratch memory: (4, n, n_states), (n, n_states), (2 n,), (3,) zeros, (N_ROWS, n).
+    outputs : (n_samples, n, n_outputs) array
+        In the order of layout.OUTPUT_NAMES.
+    """
+    n = len(c)
+    fastest = 0.0
+    for i in range(n):
+        fastest = max(fastest, c[i][C_RATE])
+    steps = step_count(fastest, sample_time, step)
+    h = sample_time / steps
+    for k in range(len(outputs)):
+        for i in range(n):
+            record(c[i], (tables[2 * i], tables[2 * i + 1]), y[i], outputs[k][i])
+        for j in range(steps):
+            now = (first + k) * sample_time + j * h
+            for i in range(n):
+                for side in range(2):
+                    delay = c[i][(AGONIST if side == 0 else ANTAGONIST) + M_DELAY]
+                    held[2 * i + side] = held_command(
+                        commands, 2 * i + side, now, h, sample_time, delay
+                    )
+            advance_robot(c, tables, body, y, ks, ys, held, drive, work, h)

@@ -1,0 +1,1 @@
+"""Driver, controller and model of one robot in one process and one cycle."""

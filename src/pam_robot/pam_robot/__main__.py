@@ -1,0 +1,44 @@
+"""`pam robot node`: driver, controller and model of a robot in one process."""
+
+from __future__ import annotations
+
+if __name__ == "__main__":  # before the imports below, which take time
+    from pam_model.program_signals import end_at_signals
+
+    end_at_signals()
+
+import sys
+from collections.abc import Sequence
+
+from pam_model.command_line import NodeCommand, Tool, start_node
+
+
+def _node(arguments: Sequence[str] | None) -> int:
+    from pam_control.controller_node import ControllerNode  # noqa: PLC0415  (rclpy)
+    from pam_driver.driver_node import DriverNode  # noqa: PLC0415
+    from pam_model.model_node import ModelNode  # noqa: PLC0415
+    from pam_robot.robot_node import main as run  # noqa: PLC0415
+
+    return run(arguments, DriverNode, ControllerNode, ModelNode)
+
+
+COMMANDS = (
+    NodeCommand(
+        "node", "drive, control and estimate a robot in one cycle (three ROS nodes)", _node
+    ),
+)
+TOOL = Tool("robot", "Driver, controller and model of a robot in one process", COMMANDS)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command and return the exit code."""
+    return TOOL.run(arguments)
+
+
+def robot_node() -> int:
+    """Entry point of `ros2 run pam_robot pam_robot_node`."""
+    return start_node(_node)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,110 @@
+"""What is learnt is averaged over rival explanations, by how probable each of them is."""
+
+import numpy as np
+import pytest
+from scipy.optimize import lsq_linear
+
+from pam_control.adaptation.averaged_fit import AveragedFit, Rival
+from pam_control.adaptation.motion_functions import DEVIATIONS, MotionMemory
+from pam_control.adaptation.recursive_fit import CORRELATED
+from pam_control.adaptation.torque_adaptation import DELAY, RIVALS, SLIPS, TorqueAdaptation
+
+NOISE = 0.05
+
+
+def fit(*rivals, bounds=None, believed=0.0, deviations=(1.0, 1.0)):
+    return AveragedFit(deviations, rivals, NOISE, believed, 0.01, bounds or {})
+
+
+def test_noise_is_ignored_and_what_is_there_is_found():
+    random, wanted = np.random.default_rng(3), np.array([0.5, -0.2])
+    silent, finding = (fit(Rival((0, 1), 0.0)) for _ in range(2))
+    for _ in range(500):
+        functions = random.standard_normal(2)
+        noise = NOISE * random.standard_normal()
+        silent.update(functions, noise, 0.01)
+        finding.update(functions, float(functions @ wanted) + noise, 0.01)
+    assert silent.weights == [0.0, 0.0]
+    assert finding.weights == pytest.approx(wanted, abs=0.02)
+
+
+def test_rivals_that_no_data_tell_apart_share_by_what_was_believed_before():
+    shared = fit(Rival((0,), 0.0), Rival((1,), np.log(3.0)))
+    for _ in range(200):
+        shared.update(np.array([1.0, 1.0]), 0.6, 0.01)
+    assert shared.probabilities == pytest.approx([0.25, 0.75])
+    assert shared.certainty(1) == pytest.approx(0.75)
+    assert shared.weights == pytest.approx([0.15, 0.45], abs=0.01)
+
+
+def test_a_function_that_the_data_do_not_need_is_improbable():
+    random = np.random.default_rng(5)
+    simple = fit(Rival((0,), 0.0), Rival((0, 1), 0.0))
+    for _ in range(3000):
+        first, second = random.standard_normal(2)
+        value = 0.5 * first + NOISE * random.standard_normal()
+        simple.update(np.array([first, second]), value, 0.01)
+    assert simple.certainty(1) < 0.2
+    assert simple.weights == pytest.approx([0.5, 0.0], abs=0.01)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_bounded_weights_are_the_least_squares_with_bounds(seed):
+    random = np.random.default_rng(seed)
+    wanted, seen = random.normal(size=5), random.normal(size=(60, 5)) @ random.normal(size=(5, 5))
+    rival, bounds = Rival(tuple(range(5)), 0.0), {0: 0.0, 2: -0.3, 4: 0.2}
+    bounded = fit(rival, bounds=bounds, deviations=(9.0,) * 5)
+    values = seen @ wanted
+    for functions, value in zip(seen, values, strict=True):
+        bounded.update(functions, float(value), CORRELATED)
+    free = np.inf
+    expected = lsq_linear(seen, values, ([0.0, -free, -0.3, -free, 0.2], free)).x
+    assert bounded.weights == pytest.approx(expected, abs=0.05 * np.abs(wanted).max())
+
+
+def test_what_was_learnt_follows_a_change():
+    random, following = np.random.default_rng(4), fit(Rival((0,), 0.0), deviations=(1.0,))
+    for load in (0.5, 0.1):
+        for _ in range(6000):  # a minute
+            value = random.standard_normal()
+            following.update(np.array([value]), load * value, 0.01)
+        assert following.weights == pytest.approx([load], abs=0.02)
+
+
+LARGEST = 30.0  # N m
+STROKE = 0.05 * LARGEST  # N m of friction
+
+
+def after_one_stroke(torque):
+    """The fit of a joint's torques after one smooth stroke of 0.4 rad in 0.6 s."""
+    learnt = TorqueAdaptation(0.05, 0.25, LARGEST)._fit
+    memory, step = MotionMemory(), 0.01
+    for k in range(60):
+        phase = np.pi * k * step / 0.6
+        q, speed = 0.2 * (1.0 - np.cos(phase)), 0.2 * np.pi / 0.6 * np.sin(phase)
+        acceleration = 0.2 * (np.pi / 0.6) ** 2 * np.cos(phase)
+        elements = memory.advance(q, step)
+        rate = 12.0 * speed
+        functions = np.array([1.0, q, q**3, speed, acceleration, *elements, rate])
+        value = torque(speed, elements, rate)
+        learnt.update(functions, value, step * min(abs(speed) / 0.1, 1.0))
+    return learnt
+
+
+def test_dry_friction_is_no_viscosity_after_the_first_stroke():
+    learnt = after_one_stroke(lambda speed, elements, rate: STROKE * elements[1])
+    assert learnt.certainty(SLIPS[0]) > 0.9
+    assert sum(learnt.weights[place] for place in SLIPS) == pytest.approx(STROKE, rel=0.3)
+    assert abs(learnt.weights[3]) < 0.02 * STROKE, "N m s/rad at 1 rad/s"
+    assert min(learnt.weights[place] for place in SLIPS) > -1e-6
+
+
+def test_viscosity_is_no_dry_friction_after_the_first_stroke():
+    learnt = after_one_stroke(lambda speed, elements, rate: 0.6 * speed)
+    assert learnt.certainty(SLIPS[0]) < 0.1
+    assert sum(learnt.weights[place] for place in SLIPS) < 0.05
+
+
+def test_the_functions_of_the_rivals_are_those_of_the_motion():
+    assert {place for rival in RIVALS for place in rival.functions} == set(range(DELAY + 1))
+    assert len(DEVIATIONS) == DELAY
