@@ -157,6 +157,7 @@ def test_an_effect_breaks_the_nominal_law_of_its_stage_alone(effect: str) -> Non
         assert changed[other] < 2.0 * plain[other] + SMALL, other
 
 
+@pytest.mark.sampled("ten of the effects, all of which one loop integrates", cases=10)
 @pytest.mark.parametrize("effect", [*KNOWN, *OUTSIDE])
 def test_half_the_step_gives_the_same_recording(effect: str) -> None:
     joint, muscles = rig_with(effect)

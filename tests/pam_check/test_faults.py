@@ -225,6 +225,7 @@ def test_a_trial_finds_fault_with_a_model_that_tells_what_is_old(chain):
     assert in_a_fork(forgetful).problem == "the model publishes an old estimate"
 
 
+@pytest.mark.sampled("two of the four faults", cases=2)
 @pytest.mark.parametrize(
     "name", ["pressure_drift", "encoder_drift", "valve_stuck_shut", "muscle_burst"]
 )

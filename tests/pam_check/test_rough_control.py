@@ -271,6 +271,9 @@ def _telling_friction(rough):
     return Controller(rough.rig.with_joint(joint), settings, rough.designs)
 
 
+@pytest.mark.long(
+    "test_known_effects holds what remains of named friction on the plant of the suite"
+)
 def test_friction_that_falls_with_speed_is_halved_when_the_rig_file_names_it(rough):
     """Protects reversals, ends of motions and slow motion: without any of its parts it is not."""
     joint, muscles = rough.hidden("stribeck_friction")

@@ -133,6 +133,10 @@ BAD_MESSAGES = [
 ]
 
 
+@pytest.mark.sampled(
+    "one bad message for each topic; the words of each are held where it is checked",
+    alike=lambda send, said: send.__code__.co_names[0],
+)
 @pytest.mark.rerun_because(HOST_STALLS)
 @pytest.mark.parametrize(("send", "said"), BAD_MESSAGES)
 def test_a_bad_message_moves_nothing_and_is_named(bench, controller, send, said):

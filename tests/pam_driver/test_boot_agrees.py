@@ -116,6 +116,9 @@ def quiet() -> Iterator[None]:
     logging.getLogger("canopen").setLevel(logging.NOTSET)
 
 
+@pytest.mark.sampled(
+    "each of the devices once, as one that is booted", alike=lambda board, keys: board
+)
 @pytest.mark.parametrize(
     ("board", "keys"),
     [

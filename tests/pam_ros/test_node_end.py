@@ -74,7 +74,7 @@ def command_line(node: str, *more: str) -> list[str]:
     return [node, "--ros-args", "--params-file", str(ELBOW), *NODES[node], *more]
 
 
-@pytest.mark.sampled("two of the nodes, which one function runs", cases=2)
+@pytest.mark.sampled("one of the nodes, which one function runs", cases=1)
 @pytest.mark.system
 @pytest.mark.parametrize("node", NODES)
 def test_the_threads_of_the_middleware_end_with_the_node(node: str, tmp_path: Path) -> None:
@@ -84,7 +84,7 @@ def test_the_threads_of_the_middleware_end_with_the_node(node: str, tmp_path: Pa
     assert threads["afterwards"] == []
 
 
-@pytest.mark.sampled("two of the nodes, which one function runs", cases=2)
+@pytest.mark.sampled("one of the nodes, which one function runs", cases=1)
 @pytest.mark.system
 @pytest.mark.parametrize("node", NODES)
 def test_they_end_too_where_a_mistake_keeps_the_node_from_being_made(
