@@ -127,16 +127,18 @@ def lane_of(_context: Any, array: Any, _lane: Any) -> Any:
 @overload(operator.getitem)
 def read_lane(view: Any, i: Any) -> Any:
     """Entry i of a lane."""
-    if isinstance(view, LaneType):
-        return lambda view, i: view.array[i * LANES + view.lane]
-    return None
+
+    def read(view: Any, i: Any) -> Any:
+        return view.array[i * LANES + view.lane]
+
+    return read if isinstance(view, LaneType) else None
 
 
 @overload(operator.setitem)
 def write_lane(view: Any, i: Any, value: Any) -> Any:
     """Write entry i of a lane."""
 
-    def write(view: Any, i: Any, value: Any) -> None:
+    def write(view: Any, i: Any, value: Any) -> Any:
         view.array[i * LANES + view.lane] = value
 
     return write if isinstance(view, LaneType) else None
