@@ -21,7 +21,7 @@ NUMBERS = frozenset(
         "dead_volume",
     }
 )
-INDEPENDENT = ("pam_check/blind/", "pam_check/control/")
+INDEPENDENT = ("pam_check/blind/", "pam_check/calibration/", "pam_check/control/")
 """Plants and rigs of the checks, which are the independent truth and share no law on purpose."""
 REMAINING = frozenset(
     {

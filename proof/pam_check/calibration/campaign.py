@@ -20,7 +20,14 @@ import numpy as np
 import pandas as pd
 import yaml
 
-from pam_check.calibration.drawn_rig import DrawnRig, angle_error, draw_rig
+from pam_check.calibration.drawn_rig import (
+    EXCHANGES,
+    OF_FLOW_VALVES,
+    DrawnRig,
+    angle_error,
+    draw_rig,
+    exchange,
+)
 from pam_gap.calibration.calibration import (
     DETERMINED,
     KEPT,
@@ -28,10 +35,13 @@ from pam_gap.calibration.calibration import (
     CalibratedNumber,
     Calibration,
     calibrate_joint,
+    exchanges,
 )
 from pam_gap.calibration.calibration_rules import CalibrationRules
 from pam_gap.calibration.free_numbers import Said
+from pam_gap.diagnose_recordings import usable_parts
 from pam_gap.inference.confidence import NORMAL_90
+from pam_gap.prediction.problem import PredictionProblem
 from pam_gap.recordings.recording import Recording, from_columns, resample
 from pam_model.command_line import Arguments, Outcome
 from pam_model.rig.partial import PartialRig, load_partial_rig
@@ -142,6 +152,19 @@ def calibrate(drawn: DrawnRig, partial: PartialRig) -> Calibration:
     )
 
 
+def exchanges_told(drawn: DrawnRig, partial: PartialRig) -> list[bool]:
+    """Whether each exchange that could have been made on a rig would be told, from its wiring."""
+    rig, found = partial.rig, []
+    is_flow = rig.muscles[0].valve.kind == "flow"
+    for what in EXCHANGES:
+        if is_flow or what not in OF_FLOW_VALVES:
+            recording = as_recording(exchange(drawn.log, what), what)
+            found.append(
+                bool(exchanges(PredictionProblem(rig, 0, usable_parts(rig, 0, [recording]))))
+            )
+    return found
+
+
 def coverage(rows: Sequence[bool]) -> dict[str, float]:
     """Share of intervals that hold, and their count."""
     return {"share": float(np.mean(rows)) if rows else math.nan, "of": float(len(rows))}
@@ -179,6 +202,10 @@ def score(rows: Sequence[Compared], rigs: Sequence[Mapping[str, Any]]) -> dict[s
         "coverage_determined": coverage([r.holds for r in rows if r.status == DETERMINED]),
         "coverage_relative": coverage([r.ratio_holds for r in relative]),
         "exchanged_told": [sum(rig["told"] for rig in swapped), len(swapped)],
+        "exchanges_tried": [
+            sum(map(sum, (rig["tried"] for rig in right))),
+            sum(len(rig["tried"]) for rig in right),
+        ],
         "wrongly_refused": [sum(rig["refused"] for rig in right), len(right)],
         "withheld_before": median([rig["before"] for rig in right]),
         "withheld_after": median([rig["after"] for rig in right]),
@@ -195,6 +222,7 @@ def text_of(result: Mapping[str, Any]) -> str:
 
     told, swapped = result["exchanged_told"]
     refused, right = result["wrongly_refused"]
+    hits, tried = result["exchanges_tried"]
     return "\n".join(
         [
             f"{result['rigs']} rigs; numbers by what is said of them: {result['status']}",
@@ -205,7 +233,8 @@ def text_of(result: Mapping[str, Any]) -> str:
             f"90 % intervals hold: {cover('coverage')} of all that are not kept, "
             f"{cover('coverage_determined')} of determined ones, {cover('coverage_relative')} of "
             "ratios",
-            f"exchanges told: {told} of {swapped}; refused without one: {refused} of {right}",
+            f"exchanges told: {told} of {swapped}; refused without one: {refused} of {right}; each "
+            f"exchange made on each of the other rigs would be told: {hits} of {tried}",
             f"RMS error of the angle in a free run of a withheld recording, median: "
             f"{1e3 * result['withheld_before']:.0f} mrad as written, "
             f"{1e3 * result['withheld_after']:.1f} mrad calibrated",
@@ -223,6 +252,7 @@ def _one(rig: int, drawn: DrawnRig, folder: Path) -> tuple[dict[str, Any], list[
     partial = load_partial_rig(path)
     began = time.process_time()
     found = calibrate(drawn, partial)
+    seconds = time.process_time() - began
     free_run = [
         one
         for one in found.withheld
@@ -234,10 +264,11 @@ def _one(rig: int, drawn: DrawnRig, folder: Path) -> tuple[dict[str, Any], list[
         "load_cells": drawn.has_load_cells,
         "refused": bool(found.refused),
         "told": bool(found.wiring),
+        "tried": [] if drawn.exchanged else exchanges_told(drawn, partial),
         "why": list(found.refused),
         "before": free_run[0].before if free_run else math.nan,
         "after": free_run[0].after if free_run else math.nan,
-        "seconds": time.process_time() - began,
+        "seconds": seconds,
     }
     rows = [] if drawn.exchanged or found.refused else compare(rig, found.numbers, drawn.truth)
     return what, rows

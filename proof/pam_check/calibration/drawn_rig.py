@@ -40,6 +40,8 @@ OF_JOINT = ("inertia", "viscous_friction", "gravity_torque")
 OF_MUSCLE = ("dead_volume", "sonic_conductance", "critical_ratio", "time_constant")
 OF_LENGTH = ("thread_length", "turns", "neutral_length", "rest_length")
 EXCHANGES = ("sign of the joint", "hoses", "sign of both valves", "sign of one valve")
+OF_FLOW_VALVES = EXCHANGES[2:]
+"""A regulator has no command below 0."""
 
 
 @dataclass(frozen=True)
@@ -133,9 +135,9 @@ def _drawn(random: np.random.Generator, kind: Variety) -> DrawnRig | None:
             return None
         tables.append(uneven(to_table(made, has_cells), random))
     exchanged = str(random.choice(EXCHANGES)) if random.random() < EXCHANGED else ""
-    if first.regulator > 0.0 and exchanged.startswith("sign of") and "valve" in exchanged:
+    if first.regulator > 0.0 and exchanged in OF_FLOW_VALVES:
         exchanged = "hoses"
-    log, withheld = (_exchange(table, exchanged) for table in tables)
+    log, withheld = (exchange(table, exchanged) for table in tables)
     return DrawnRig(
         _written(random, true_joint, first, second),
         log,
@@ -207,7 +209,7 @@ def _written(
     return tree
 
 
-def _exchange(table: pd.DataFrame, what: str) -> pd.DataFrame:
+def exchange(table: pd.DataFrame, what: str) -> pd.DataFrame:
     """The log of a rig with something exchanged."""
     table = table.copy()
     flexor, extensor = "elbow_flexor", "elbow_extensor"

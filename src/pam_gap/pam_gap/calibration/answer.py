@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
-from pam_gap.answer.user_units import interval_digits, plain, told
+from pam_gap.answer.user_units import interval_digits, plain
 from pam_gap.calibration.calibration import (
     DETERMINED,
     KEPT,
@@ -92,7 +92,7 @@ def table_lines(calibration: Calibration) -> list[str]:
     """One line for each number, for a terminal."""
     lines = []
     for one in calibration.numbers:
-        value = told(one.value, one.unit, 4)
+        value = f"{plain(one.value, 4)} {one.unit}".removesuffix(" -")
         if one.status == KEPT:
             lines.append(f"  {one.key}: {value}, as written; would help: {what_would_help(one)}")
         else:

@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from pam_gap.answer.improved_rig import with_number
-from pam_gap.calibration.calibration import Calibration, conclusion, misfit
+from pam_gap.calibration.calibration import KEPT, Calibration, conclusion, misfit
 from pam_gap.calibration.calibration_rules import DEFAULT, CalibrationRules
 from pam_gap.calibration.free_numbers import (
     GAS,
@@ -29,7 +29,7 @@ from pam_gap.calibration.free_numbers import (
 from pam_gap.calibration.staged_fit import Stage, fit_stage, fit_together
 from pam_gap.inference.search import Progress, silent
 from pam_gap.prediction.channel_order import AGONIST_FORCE, AGONIST_PRESSURE, UNITS
-from pam_gap.prediction.directions import Direction, cross_phase
+from pam_gap.prediction.directions import Direction, cross_phase, valve_phase
 from pam_gap.prediction.fit import Array, mean_squares
 from pam_gap.prediction.gap_figures import GapFigure, noise_level
 from pam_gap.prediction.identifiable import counted_seconds
@@ -53,7 +53,6 @@ LONG = 4.0
 """Thread of the invented second muscle, in threads of the first."""
 ALONG_LENGTH = PredictionSettings(follow_motion=True)
 ALONG_BOTH = PredictionSettings(follow_motion=True, follow_pressures=True)
-SLOWEST_BAND = 5.0  # Hz, up to which the phase of commands and pressure is taken
 
 
 def bench_muscles_recorded(rig: Rig, recordings: Sequence[Recording]) -> list[str]:
@@ -159,26 +158,26 @@ def _too_little(problem: PredictionProblem) -> tuple[str, ...]:
     return ()
 
 
-def _wiring(problem: PredictionProblem, muscle: str) -> tuple[str, ...]:
+def _wiring(problem: PredictionProblem, muscle: str, rules: CalibrationRules) -> tuple[str, ...]:
     """Whether the pressure follows the command, and the force the pressure, by their phases."""
-    found = []
-    is_flow = problem.rig.muscle(muscle).valve.kind == "flow"
-    for data in problem.data:
-        step = data.recording.sample_time
-        pressure = data.measured[:, AGONIST_PRESSURE]
-        pairs = [("the pressure and the force", pressure, data.measured[:, AGONIST_FORCE])]
-        if data.has_commands:
-            follows = np.gradient(pressure) if is_flow else pressure
-            pairs.append(("the command and the pressure", data.commands[:, 0], follows))
-        for words, first, second in pairs:
-            phase = cross_phase([(first, second, step)], SLOWEST_BAND, problem.rules.recording)
-            if phase.direction == Direction.OPPOSED:
-                found.append(
-                    f"Wrong wiring or sign: {words} of {muscle} have a phase of "
-                    f"{phase.phase:.0f} degrees below {SLOWEST_BAND:g} Hz, with a coherence of "
-                    f"{phase.coherence:.2f}; they should agree, at a phase near 0."
-                )
-    return tuple(dict.fromkeys(found))
+    pulls = cross_phase(
+        [
+            (d.measured[:, AGONIST_PRESSURE], d.measured[:, AGONIST_FORCE], d.recording.sample_time)
+            for d in problem.data
+        ],
+        rules.slow_band,
+        problem.rules.recording,
+    )
+    drive = valve_phase(problem, 0, rules.slow_band)
+    return tuple(
+        f"Wrong wiring or sign of {muscle}: {phase.words(first, second)}; they should agree, at a "
+        "phase near 0."
+        for phase, first, second in (
+            (pulls, "the pressure", "the force"),
+            (drive, "the command", "the pressure"),
+        )
+        if phase.direction == Direction.OPPOSED
+    )
 
 
 def calibrate_bench_muscle(
@@ -222,7 +221,7 @@ def calibrate_bench_muscle(
     result = Calibration(muscle)
     progress("wiring", 0.0)
     problem = problem_of(recordings)
-    result.wiring = _wiring(problem, muscle)
+    result.wiring = _wiring(problem, muscle, rules)
     result.refused = result.wiring or _too_little(problem)
     if result.refused:
         return result
@@ -248,6 +247,8 @@ def calibrate_bench_muscle(
     names = {one.key: one.name for one in numbers}
     after, calibrated = problem.base.values.copy(), rig
     for what in result.numbers:
+        if what.status == KEPT:
+            continue
         after[INDEX[names[what.key]]] = what.value
         calibrated = with_number(calibrated, rig.joints[0].name, names[what.key], what.value)
     result.after = after

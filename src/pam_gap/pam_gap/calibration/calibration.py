@@ -30,12 +30,13 @@ from pam_gap.diagnose_recordings import usable_parts
 from pam_gap.inference.held_out import make_folds
 from pam_gap.inference.hypothesis import Hypothesis
 from pam_gap.inference.search import Progress, silent
+from pam_gap.prediction.directions import Direction, valve_phase
 from pam_gap.prediction.fit import Array
 from pam_gap.prediction.gap_figures import GapFigure, gap_figures
 from pam_gap.prediction.identifiable import what_is_missing
 from pam_gap.prediction.materiality import squared_motion
 from pam_gap.prediction.problem import PredictionProblem, PredictionSettings
-from pam_gap.prediction.wrong_wiring import wrong_wiring
+from pam_gap.prediction.wrong_wiring import CABLES, wrong_wiring
 from pam_gap.recordings.recording import Recording
 from pam_model.rig import Rig
 from pam_model.rig.partial import PartialRig
@@ -157,7 +158,7 @@ def calibrate_joint(
 
     progress("wiring", 0.0)
     problem = problem_of(rig, recordings)
-    result.wiring = wrong_wiring(problem)
+    result.wiring = exchanges(problem, rules)
     result.refused = result.wiring or tuple(what_is_missing(problem))
     if result.refused:
         return result
@@ -172,7 +173,8 @@ def calibrate_joint(
     names = {one.key: one.name for one in numbers}
     calibrated = rig
     for what in found:
-        calibrated = with_number(calibrated, result.joint, names[what.key], what.value)
+        if what.status != KEPT:
+            calibrated = with_number(calibrated, result.joint, names[what.key], what.value)
     result.numbers, result.problem, result.before = found, problem, problem.base.values
     progress("withheld recordings", 0.9)
     after = problem_of(calibrated, recordings)
@@ -188,6 +190,27 @@ def calibrate_joint(
     return result
 
 
+def exchanges(
+    problem: PredictionProblem, rules: CalibrationRules = DEFAULT_RULES
+) -> tuple[str, ...]:
+    """What is exchanged or reversed in the recordings, in full sentences; empty if nothing is."""
+    return wrong_wiring(problem) or one_valve_reversed(problem, rules)
+
+
+def one_valve_reversed(problem: PredictionProblem, rules: CalibrationRules) -> tuple[str, ...]:
+    """A valve whose pressure goes against its command, while the other one's follows its own."""
+    muscles = problem.rig.joints[problem.joint].muscles
+    phases = [valve_phase(problem, side, rules.slow_band) for side in range(len(muscles))]
+    if {phase.direction for phase in phases} != {Direction.AGREES, Direction.OPPOSED}:
+        return ()
+    side = [phase.direction for phase in phases].index(Direction.OPPOSED)
+    return (
+        f"Wrong wiring: the sign of the valve command of {muscles[side]} is reversed: "
+        f"{phases[side].words('the command', 'the pressure')}; they should agree, at a phase near "
+        f"0, as those of {muscles[1 - side]} do. {CABLES}",
+    )
+
+
 def conclusion(
     rig: Rig, name: str, numbers: Sequence[FreeNumber], joint: JointFit, rules: CalibrationRules
 ) -> tuple[tuple[CalibratedNumber, ...], dict[str, float]]:
@@ -196,6 +219,11 @@ def conclusion(
     known = knowledge(fitter, make_folds(fitter.problem), joint.fitted, rules)
     stated = [place for place, one in enumerate(numbers) if not one.is_ordinary]
     kept = known.kept(rules.narrowed, stated)
+    for place, one in enumerate(numbers):  # a sensor is taken for right if it may be
+        deviation = float(np.sqrt(known.covariance[place, place]))
+        low, high = known.about(place, float(known.values[place]), deviation)
+        if one.is_sensor and place not in kept and low <= one.free.centre <= high:
+            kept.append(place)
     values = known.values.copy()
     values[kept] = [known.free[place].centre for place in kept]
     values = fit_beside_kept(fitter, kept, known.given(kept, values), rules)

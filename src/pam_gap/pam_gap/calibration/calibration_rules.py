@@ -41,6 +41,9 @@ class CalibrationRules:
         that an error of a valve does not pass on to the body.
     tolerance : float
         Decrease of the mean log error in one step below which the fit of all numbers ends.
+    difference, fine_step : float
+        Step of the differences for the intervals, in typical changes of a number, and longest step
+        of the integration for them [s].
     lags : int
         Seconds up to which errors are correlated: a supply wanders, friction depends on the motion.
     correlation : float
@@ -55,6 +58,9 @@ class CalibrationRules:
         The same for an angle [rad].
     narrowed : float
         Deviation of a number over that before the log, above which the log has said nothing of it.
+    slow_band : float
+        Upper end of the band in which a pressure follows its command, and a force its pressure
+        [Hz].
     withheld : float
         Share of a single recording that takes no part in the fit.
     misfit : float
@@ -76,12 +82,15 @@ class CalibrationRules:
     rounds: int = 2
     horizon: float = 0.06
     tolerance: float = 2e-4
+    difference: float = 0.4
+    fine_step: float = 5e-4
     lags: int = 4
-    correlation: float = 25.0
-    discrepancy: float = 1.5
+    correlation: float = 50.0
+    discrepancy: float = 2.0
     determined: float = 0.05
     determined_angle: float = 0.02
     narrowed: float = 0.7
+    slow_band: float = 5.0
     withheld: float = 0.2
     misfit: float = 0.15
 

@@ -285,7 +285,7 @@ def _unknown(
     name: str, key: str, value: float, low: float, high: float, rules: CalibrationRules
 ) -> FreeParameter:
     """A missing number: the first regression is only where the fit begins."""
-    if key in ANGLES or key == "gravity_torque":
+    if key in ANGLES or (key == "gravity_torque" and not value > 0.0):
         size = max(abs(value), 0.1)
         return FreeParameter(name, low, high, 0.1 * size)
     if key == "critical_ratio":  # 0.2 to 0.5 for valves as they are (ISO 6358-1, annex)

@@ -10,6 +10,7 @@ numbers.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -91,7 +92,7 @@ class Knowledge:
         """Deviation of the logarithm of one number less a weighted sum of those of others."""
         row = -weights.copy()
         row[place] += 1.0
-        return float(np.sqrt(max(row @ self.covariance @ row, 0.0)))
+        return math.sqrt(max(float(row @ self.covariance @ row), 0.0))
 
     def about(self, place: int, value: float, deviation: float) -> tuple[float, float]:
         """The 90 % interval of one number about a value, within its bounds."""
@@ -122,6 +123,41 @@ def long_run_covariance(pulls: Array, lags: int) -> Array:
     return result
 
 
+def jacobian_at(fitter: HypothesisFitter, values: Array, rules: CalibrationRules) -> Array:
+    """Derivative of the errors by all scaled numbers at one point, by central differences.
+
+    A fit keeps columns from one step to the next. Combinations of numbers that change nothing, such
+    as the scale of all forces, are only seen if all columns belong to one point.
+
+    Parameters
+    ----------
+    fitter : HypothesisFitter
+        Of the numbers.
+    values : ndarray, shape (n,)
+        The point, in own units.
+    rules : CalibrationRules
+        Step of the differences, and of the integration: a coarse one would make errors that depend
+        on the numbers.
+
+    Returns
+    -------
+    ndarray, shape (rows, channels, n)
+    """
+    scaling = Scaling([n.free for n in fitter.nuisances])
+    at = np.clip(scaling.scaled(values), scaling.low, scaling.high)
+    lanes = np.repeat(at[None], 2 * at.size, axis=0)
+    ends = lanes.reshape(2, at.size, at.size)
+    place = np.arange(at.size)
+    ends[0, place, place] = np.minimum(at + rules.difference, scaling.high)
+    ends[1, place, place] = np.maximum(at - rules.difference, scaling.low)
+    width = ends[0, place, place] - ends[1, place, place]
+    full = np.array([fitter.vector((), lane) for lane in scaling.own(lanes)])
+    errors = fitter.problem.with_step(rules.fine_step).errors(full)
+    change = (errors[: at.size] - errors[at.size :]) / width[:, None, None]
+    result: Array = np.moveaxis(change, 0, -1)
+    return result
+
+
 def knowledge(
     fitter: HypothesisFitter, folds: Folds, fitted: Hypothesis, rules: CalibrationRules
 ) -> Knowledge:
@@ -140,7 +176,8 @@ def knowledge(
     """
     free: Sequence[FreeParameter] = [n.free for n in fitter.nuisances]
     result, own = fitted.result, len(fitter.nuisances)
-    values, jacobian = result.values, result.jacobian.astype(np.float64)
+    values = result.values
+    jacobian = jacobian_at(fitter, values, rules)
     if fitter.background is not None and result.amounts.size:
         terms = fitter.background.terms
         free = [*free, *terms.free]
@@ -156,7 +193,7 @@ def knowledge(
         known = counted & np.isfinite(e) & np.isfinite(d).all(axis=1)
         hessian += weights[channel] * d[known].T @ d[known]
         inside = known & (folds.score_block >= 0)
-        share = known.sum() / max(inside.sum(), 1)
+        share = int(known.sum()) / max(int(inside.sum()), 1)
         pulls = np.sqrt(share) * weights[channel] * d[inside] * e[inside, None]
         np.add.at(slopes, folds.score_block[inside], pulls)
     score = long_run_covariance(slopes - slopes.mean(axis=0), rules.lags) + hessian

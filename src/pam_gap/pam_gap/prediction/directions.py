@@ -205,6 +205,29 @@ def directions(problem: PredictionProblem) -> Directions:
     return Directions(drive, found)
 
 
+def valve_phase(problem: PredictionProblem, side: int, highest: float) -> CrossPhase:
+    """How the pressure of one muscle (its rate, behind a flow valve) follows its own command.
+
+    Parameters
+    ----------
+    problem : PredictionProblem
+        Rig and recordings.
+    side : int
+        0 for the agonist, 1 for the antagonist.
+    highest : float
+        Upper end of the band [Hz].
+    """
+    name = problem.rig.joints[problem.joint].muscles[side]
+    is_flow = problem.rig.muscle(name).valve.kind == "flow"
+    pairs = []
+    for data in problem.data:
+        if data.has_commands and data.recording.mounting != SHUT:
+            pressure = data.measured[:, BOTH_PRESSURES][:, side]
+            follows = np.gradient(pressure) if is_flow else pressure
+            pairs.append((data.commands[:, side], follows, data.recording.sample_time))
+    return cross_phase(pairs, highest, problem.rules.recording)
+
+
 def show_one_muscle(problem: PredictionProblem) -> bool:
     """Whether both pressure sensors show the same pressure although the joint moves."""
     rules = problem.rules.recording

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -289,6 +289,12 @@ class PredictionProblem:
         """The same problem with other numbers of the rig file, by plant parameter."""
         other = copy(self)
         other.base = self.base.forced(changes)
+        return other
+
+    def with_step(self, step: float) -> PredictionProblem:
+        """The same problem with another longest step of the integration [s]."""
+        other = copy(self)
+        other.rules = replace(self.rules, prediction=replace(self.rules.prediction, step=step))
         return other
 
     def predictor(

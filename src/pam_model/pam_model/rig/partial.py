@@ -128,9 +128,10 @@ def _sections(tree: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
             yield f"{muscle}.valve", "valve"
 
 
-def _names(given: object) -> Sequence[str]:
-    is_list = isinstance(given, Sequence) and not isinstance(given, str)
-    return [name for name in given if isinstance(name, str)] if is_list else []  # type: ignore[union-attr]
+def _names(given: object) -> list[str]:
+    if isinstance(given, str) or not isinstance(given, Sequence):
+        return []
+    return [name for name in given if isinstance(name, str)]
 
 
 def _branch(tree: dict[str, Any], where: str) -> dict[str, Any] | None:
@@ -168,7 +169,7 @@ def _with_guesses(rig: Rig, missing: set[str]) -> Rig:
         muscle = rig.muscle(joint.agonist)
         model = rig.force_model(muscle.name)
         torque = joint.pulley_radius * model.force(muscle.max_pressure, muscle.neutral_length)
-        changes = {
+        changes: dict[str, Any] = {
             name: per_torque * float(torque)
             for name, per_torque in guesses.items()
             if f"{joint.name}.{name}" in missing and torque > 0.0

@@ -1,0 +1,98 @@
+"""The check of calibrations: what it draws is off as it says, and its comparison sees errors."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from pam_check.calibration.campaign import compare, over_deviation, score, torque_per_pressure
+from pam_check.calibration.drawn_rig import (
+    EXCHANGES,
+    LENGTHS,
+    OF_JOINT,
+    OF_LENGTH,
+    THIRD,
+    DrawnRig,
+    draw_rig,
+    exchange,
+)
+from pam_gap.calibration.calibration import DETERMINED, KEPT, CalibratedNumber
+
+
+@pytest.fixture(scope="module")
+def drawn() -> DrawnRig:
+    return draw_rig(np.random.default_rng(4))
+
+
+def _written(drawn: DrawnRig, key: str) -> float | None:
+    tree: object = drawn.parameters
+    for step in key.split("."):
+        assert isinstance(tree, dict)
+        if step not in tree:
+            return None
+        tree = tree[step]
+    assert isinstance(tree, float)
+    return tree
+
+
+def test_every_number_of_the_rig_file_is_off_within_what_is_said(drawn: DrawnRig) -> None:
+    off = {}
+    for key, true in drawn.truth.items():
+        written = _written(drawn, key)
+        if written is not None and true and not key.endswith(("angle", "neutral_length")):
+            off[key] = abs(written / true - 1.0)
+    lengths = {
+        k: v for k, v in off.items() if k.rpartition(".")[2] in (*OF_LENGTH, "pulley_radius")
+    }
+    others = {k: v for k, v in off.items() if k not in lengths and k != "supply_pressure"}
+    assert all(0.0 < v <= LENGTHS * 1.001 for v in lengths.values())
+    assert all(0.0 < v <= THIRD * 1.001 for v in others.values())
+    assert any(v > 0.1 for v in others.values())
+    assert any(name in k for k in others for name in OF_JOINT)
+
+
+def test_the_log_is_as_the_pages_ask_for(drawn: DrawnRig) -> None:
+    time = drawn.log["time"].to_numpy()
+    assert time[-1] - time[0] == pytest.approx(40.0, abs=0.1)
+    assert np.median(np.diff(time)) <= 1.0 / 200.0 + 1e-5
+    assert drawn.withheld["time"].iloc[-1] == pytest.approx(20.0, abs=0.1)
+
+
+@pytest.mark.parametrize("what", EXCHANGES)
+def test_an_exchange_changes_the_log_and_undoes_itself(drawn: DrawnRig, what: str) -> None:
+    once = exchange(drawn.log, what)
+    assert not once[sorted(once)].equals(drawn.log[sorted(drawn.log)])
+    twice = exchange(once, what)
+    assert twice[sorted(twice)].equals(drawn.log[sorted(drawn.log)])
+
+
+def test_the_comparison_sees_errors_and_ratios(drawn: DrawnRig) -> None:
+    found = [
+        CalibratedNumber(
+            key, "-", "body", true, true * (1.1 if key == "elbow.inertia" else 1.0),
+            0.99 * true, 1.01 * true, KEPT if key == "supply_pressure" else DETERMINED,
+            (0.99 * true, 1.01 * true) if key == "elbow.inertia" else None,
+        )
+        for key, true in drawn.truth.items()
+    ]  # fmt: skip
+    rows = {row.key: row for row in compare(0, found, drawn.truth)}
+    assert rows["elbow.inertia"].error == pytest.approx(0.1)
+    assert rows["elbow.inertia"].ratio_error == pytest.approx(0.1)
+    assert math.isnan(rows["elbow_flexor.turns"].ratio_error)
+    rigs = [{"exchanged": "", "refused": False, "told": False, "before": 1.0, "after": 0.1,
+             "tried": [True, False],
+             "seconds": 1.0}]  # fmt: skip
+    result = score(list(rows.values()), rigs)
+    assert result["determined"] < 0.01
+    assert result["relative"] == pytest.approx(0.1)
+    assert result["exchanges_tried"] == [1, 2]
+
+
+def test_the_torque_per_pressure_grows_with_the_pulley(drawn: DrawnRig) -> None:
+    truth = dict(drawn.truth)
+    base = torque_per_pressure(truth)
+    truth["elbow.pulley_radius"] *= 2.0
+    assert torque_per_pressure(truth) == pytest.approx(2.0 * base)
+    assert over_deviation(1.0, 1.1, (1.05, 1.1 + 1.645)) == pytest.approx(0.1 / (0.05 / 1.645))
