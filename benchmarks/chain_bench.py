@@ -5,7 +5,8 @@
 The robot runs in one process and holds the joints, and then driver, model and controller as three.
 Beside them, in the same run, a bare node is measured that publishes and takes the same number of
 messages of the same size as a driver of its own, and does nothing with them. Its start contains
-what every Python node needs. The figures hold for an idle machine with at least two cores.
+what every Python node needs. The loops ask for a real-time priority, as the launch files do. The
+figures hold for an idle machine with at least two cores.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from pathlib import Path
 from arm_of_joints import arm
 
 from pam_demo.chain import Chain, multicast_bus, private_domain
+from pam_demo.demo import REALTIME
 from pam_model.argument_types import count, number
 from pam_model.command_line import Arguments, Command, Outcome, Parser, run_command
 from pam_model.errors import PamError
@@ -82,13 +84,13 @@ def running_chain(
         save_rig(arm(joints), path)
         starts: dict[str, float] = {}
         with Chain([path], multicast_bus(), {**private_domain(), **CACHED}) as chain:
-            driver = {"activate_on_start": True}
+            settings = {**REALTIME, "driver": {"activate_on_start": True, **REALTIME["driver"]}}
             for name in reversed(processes):
                 begin = time.monotonic()
                 if name == "robot":
-                    process = chain.start_robot({"driver": driver})
+                    process = chain.start_robot(settings)
                 else:
-                    process = chain.start(name, driver if name == "driver" else None)
+                    process = chain.start(name, settings.get(name))
                 if name in READY:
                     process.wait_for_output(READY[name], TIMEOUT)
                     starts[name] = time.monotonic() - begin

@@ -3,7 +3,7 @@
     python benchmarks/latency_bench.py [--seconds 8] [--json]
 
 The simulated rig runs in this process without noise; driver and controller run at 500 Hz, in one
-process and in two.
+process and in two, with the real-time priority for which the launch files ask.
 Now and then the reading of one pressure sensor jumps. The controller answers with a jump of the
 valve's command, and a listener on the bus measures the time between the two frames by the stamps of
 the kernel. Beside it, in the same run, the least that this way can take: a python-can node that
@@ -27,6 +27,7 @@ from pathlib import Path
 from statistics import median, quantiles
 
 from pam_demo.chain import BusChoice, Chain, multicast_bus, private_domain
+from pam_demo.demo import REALTIME
 from pam_driver.boards.pam_board.codec import BoardCodec, Measurement, ValveCommand
 from pam_driver.buses import OnlyBus, open_buses
 from pam_driver.can_bus.bus import CanPort, open_bus
@@ -69,7 +70,9 @@ def simulated(bus: BusChoice, jumping: Jumping) -> Iterator[None]:
     simulated = SimulatedRig(rig, quality=SensorQuality(0.0, 0.0, 1.0, 1e-6), now=time.monotonic())
     simulated.faults.sensors[0, 0] = jumping
     only = OnlyBus(bus.interface, bus.channel, None, {"port": bus.port})
-    loop = RigLoop(simulated, open_buses(rig, simulated.wiring, only), 1000.0)
+    priority = int(REALTIME["rig"]["realtime_priority"])
+    ports = open_buses(rig, simulated.wiring, only)
+    loop = RigLoop(simulated, ports, 1000.0, realtime_priority=priority)
     loop.start()
     try:
         yield
@@ -139,10 +142,12 @@ def measured_chain(seconds: float, *, align: bool, together: bool) -> list[float
         Chain([ELBOW], bus, {**private_domain(), **CACHED}) as chain,
     ):
         settings = {"activate_on_start": True, "plausibility": False, "rate": RATE, "align": align}
+        settings |= REALTIME["driver"]
+        controller = {"loop.align": align, **REALTIME["controller"]}
         if together:
-            driver = chain.start_robot({"driver": settings})
+            driver = chain.start_robot({"driver": settings, "controller": controller})
         else:
-            chain.start("controller", {"loop.align": align}).wait_for_output("worst at", TIMEOUT)
+            chain.start("controller", controller).wait_for_output("worst at", TIMEOUT)
             driver = chain.start("driver", settings)
         driver.wait_for_output("active:", TIMEOUT)
         time.sleep(SETTLING)

@@ -1,6 +1,6 @@
 """Holds a joint at an angle and a stiffness with the suite's control law, in a loop without ROS.
 
-python examples/control_without_ros.py [RIG.yaml]
+.venv/bin/python examples/control_without_ros.py [RIG.yaml]
 
 Replace the simulated plant by your own hardware: measure, call `step`, send the commands.
 """

@@ -1,6 +1,6 @@
 """Finds out why a recording differs from the rig file, and writes an improved rig file.
 
-python examples/diagnose_recording.py [RECORDING RIG.yaml]
+.venv/bin/python examples/diagnose_recording.py [RECORDING RIG.yaml]
 
 A recording is a rosbag2, a CSV or a Parquet file. Without one, 14 s of an elbow with hidden dry
 friction are simulated and written to out/examples/recording.csv.

@@ -1,6 +1,6 @@
 """Fits two force models to measured points, and prints which one predicts better.
 
-python examples/fit_my_csv.py [TABLE.csv]
+.venv/bin/python examples/fit_my_csv.py [TABLE.csv]
 
 The table has the columns pressure [Pa], length [m] and force [N], and a block for each run, one of
 which is held out at a time. Without a table, points of a muscle with conical ends are made up and

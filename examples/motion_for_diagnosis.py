@@ -1,16 +1,18 @@
 """A motion that shows a diagnosis what it needs: random steps and sines, at two stiffnesses.
 
-pam demo robot                                             # or a real robot
-pam gap record --rig config/elbow.yaml --out recording     # in a second terminal
-python examples/motion_for_diagnosis.py [RIG] [JOINT]                # in a third one
+./pam demo robot                                             # or a real robot
+./pam gap record --rig config/elbow.yaml --out recording     # in a second terminal
+.venv/bin/python examples/motion_for_diagnosis.py [RIG] [JOINT]                # in a third one
 """
 
+import contextlib
 import math
 import random
 import sys
 
 import rclpy
 from builtin_interfaces.msg import Duration
+from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -21,6 +23,7 @@ from pam_ros import leave_out_shared_memory
 REST, LENGTH, SHARE = 3.0, 45.0, 0.75  # s, s, of half the joint's range
 SOFT, STIFF, CHANGE = 0.24, 0.43, 10.0  # of the joint's largest stiffness; s between them
 RATE = 20.0  # points per second of a sine
+PATIENCE = 20.0  # s, for a controller
 
 
 def waypoints(reach: float, seed: int = 1) -> list[tuple[float, float]]:
@@ -68,6 +71,11 @@ class Motion(Node):
             message.points.append(JointTrajectoryPoint(positions=position, time_from_start=after))
         self.message, self.end = message, time
         self.waiting = self.create_timer(0.1, self.begin)
+        self.begun: float | None = None
+
+    def now(self) -> float:
+        """The present time [s]."""
+        return self.get_clock().now().nanoseconds * 1e-9
 
     def begin(self) -> None:
         """Send the trajectory as soon as the controller hears it."""
@@ -76,6 +84,7 @@ class Motion(Node):
             self.motion.publish(self.message)
             self.change()
             self.create_timer(CHANGE, self.change)
+            self.begun = self.now()
             self.get_logger().info(f"moving for {self.end:.0f} s")
 
     def change(self) -> None:
@@ -86,16 +95,19 @@ class Motion(Node):
 
 def main() -> None:
     """Send the motion and wait for its end."""
-    try:
-        rig = pam_model.load_rig(sys.argv[1] if len(sys.argv) > 1 else "config/elbow.yaml")
-    except pam_model.PamError as error:
-        sys.exit(f"error: {error}")
     leave_out_shared_memory()
     rclpy.init()
-    node = Motion(rig, sys.argv[2] if len(sys.argv) > 2 else rig.joint_names[0])
-    until = node.get_clock().now().nanoseconds * 1e-9 + node.end + 3.0
-    while node.get_clock().now().nanoseconds * 1e-9 < until:
-        rclpy.spin_once(node, timeout_sec=0.1)
+    try:
+        rig = pam_model.load_rig(sys.argv[1] if len(sys.argv) > 1 else "config/elbow.yaml")
+        node = Motion(rig, sys.argv[2] if len(sys.argv) > 2 else rig.joint_names[0])
+    except pam_model.PamError as error:
+        sys.exit(f"error: {error}")
+    start = node.now()
+    with contextlib.suppress(KeyboardInterrupt, ExternalShutdownException):
+        while node.begun is None or node.now() < node.begun + node.end + 3.0:
+            rclpy.spin_once(node, timeout_sec=0.1)
+            if node.begun is None and node.now() > start + PATIENCE:
+                sys.exit("error: no controller listens; start ./pam demo robot, or your robot")
 
 
 if __name__ == "__main__":

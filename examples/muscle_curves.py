@@ -1,6 +1,6 @@
 """Draws the pull of a muscle against its length, at several pressures, by three models.
 
-python examples/muscle_curves.py
+.venv/bin/python examples/muscle_curves.py
 """
 
 import sys

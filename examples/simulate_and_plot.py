@@ -1,6 +1,6 @@
 """Simulates an elbow with and without dry friction, and draws the difference.
 
-python examples/simulate_and_plot.py [RIG.yaml]
+.venv/bin/python examples/simulate_and_plot.py [RIG.yaml]
 """
 
 import sys

@@ -1,7 +1,7 @@
 """A node of your own that drives a joint along a sine, by streamed references.
 
-pam demo robot                 # or ros2 launch pam_bringup simulation.launch.py
-python examples/sinusoid_node.py [JOINT]    # in a second terminal
+./pam demo robot                 # or ros2 launch pam_bringup simulation.launch.py
+.venv/bin/python examples/sinusoid_node.py [JOINT]    # in a second terminal
 """
 
 import contextlib
@@ -29,12 +29,14 @@ class Sinusoid(Node):
         self.create_subscription(JointState, "joint_states", self.hear, 1)
         self.commands = self.create_publisher(JointState, "pam_controller/commands", 1)
         self.create_timer(1.0 / RATE, self.send)
+        self.get_logger().info(f"waiting for the angle of {joint} on joint_states")
 
     def hear(self, message: JointState) -> None:
         """Take the first measured angle as the middle of the motion."""
         if self.centre is None and self.joint in message.name:
             self.centre = message.position[list(message.name).index(self.joint)]
             self.began = self.now()
+            self.get_logger().info(f"moving {self.joint}; Ctrl-C ends it")
 
     def now(self) -> float:
         """The present time [s]."""

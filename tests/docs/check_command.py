@@ -25,6 +25,8 @@ from pam_gap.experiments import play_node
 from pam_gap.live import monitor_node
 from pam_model import model_node
 from pam_model.command_line import NodeCommand, Tool
+from pam_robot import robot_node
+from pam_ros.node_arguments import arguments_by_node
 from pam_ros.node_help import NodeHelp
 from pam_sim import rig_node
 
@@ -53,8 +55,11 @@ RECORDED = {
 PATH_TYPES = {"input_file", "input_path", "input_folder", "output_file", "output_folder"}
 NODES = (
     driver_parameters.HELP, controller_parameters.HELP, model_node.HELP, rig_node.HELP,
-    monitor_node.HELP, play_node.HELP, markers_node.HELP,
+    monitor_node.HELP, play_node.HELP, markers_node.HELP, robot_node.HELP,
 )  # fmt: skip
+
+
+IN_ONE_PROCESS = (driver_parameters.HELP, controller_parameters.HELP, model_node.HELP)
 
 
 class _WrongError(Exception):
@@ -179,6 +184,11 @@ class _Parser(argparse.ArgumentParser):
 
 def _node(usage: NodeHelp, words: list[str]) -> None:
     """Check the parameters that a node is given by -p."""
+    if usage is robot_node.HELP:
+        _, by_node = arguments_by_node(words, robot_node.NODES)
+        for part in IN_ONE_PROCESS:
+            _node(part, by_node[f"pam_{part.program.split()[-2]}".replace("control", "controller")])
+        return
     names = {parameter.name for parameter in usage.parameters}
     for flag, word in itertools.pairwise(words):
         name = word.partition(":=")[0].partition(":")[0]

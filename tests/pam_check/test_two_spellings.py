@@ -27,6 +27,7 @@ from pam_control.compensation.dry_friction import DryFriction
 from pam_control.feedback.supply_reservoir import SupplyReservoir
 from pam_control.joint_models import JointModels
 from pam_control.joint_scale import JointScale
+from pam_control.settings import ControlSettings
 from pam_driver.boards.protocol import NEVER, Sample
 from pam_driver.driver_settings import DriverSettings
 from pam_driver.tools.check_rig import check_rig
@@ -244,10 +245,19 @@ ARGUMENTS: dict[str, Callable[[Robot], Any]] = {
     "models": lambda robot: JointModels.of(robot, robot.joints[0], 5e3),
     "dynamics": lambda robot: InverseDynamics.from_joint(robot.joints[0]),
     "scale": lambda robot: JointScale.of(robot.joints[0], statics_of(robot)),
+    "dry_friction": lambda robot: DryFriction.from_joint(robot.joints[0]),
     "pressure_lag": lambda robot: 0.01,
 }
 """Arguments by their names; each list has its order from the robot."""
 OF_CONSUMER: dict[str, dict[str, Callable[[Robot], Any] | None]] = {
+    "JointModels": {"settings": lambda robot: ControlSettings()},
+    "JointScale": {"settings": lambda robot: ControlSettings()},
+    "LoopGuard": {"joints": lambda robot: robot.joints},
+    "ReferenceLimits": {
+        "rig": lambda robot: robot.rig,
+        "joints": lambda robot: [JointModels.of(robot, joint, 5e3) for joint in robot.joints],
+        "stiffnesses": lambda robot: [12.0] * len(robot.joints),
+    },
     "operating_point": {"pressures": lambda robot: (2e5, 1.5e5)},
     "arm_strokes": {
         "joint": lambda robot: 0,

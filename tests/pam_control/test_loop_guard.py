@@ -118,7 +118,7 @@ def test_rare_and_short_pauses_are_borne(controller, reaching, pauses):
 
 
 def test_only_pauses_within_half_a_second_count(controller):
-    guard = LoopGuard(controller.channels)
+    guard = LoopGuard(controller.robot.joints)
     for time in (1.0, 1.3, 1.6, 1.9):
         assert guard.watch_gaps(time, 0.07, 0.016) == ""
     assert guard.watch_gaps(2.0, 0.016, 0.016) == ""

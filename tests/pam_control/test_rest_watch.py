@@ -3,7 +3,10 @@
 import numpy as np
 import pytest
 
+from pam_control.controller import Controller
 from pam_control.feedback.rest_watch import RestWatch
+from pam_control.references.trajectory import TrajectoryPoint
+from pam_control.settings import ControlSettings
 
 PERIOD = 0.002
 STEP = 3.8e-4  # rad, of the encoder
@@ -64,3 +67,27 @@ def test_nothing_else_is_told(position):
 
 def test_swings_during_a_motion_belong_to_another_watch():
     assert told(lambda t: 0.01 * np.sin(30.0 * t), rests=lambda time: False) is None
+
+
+def test_a_loop_with_a_long_delay_is_told_before_it_moves(closed_loop, rig):
+    """30 ms that nobody knows of, in the commands; the joint is pushed a little while it rests."""
+    controller = Controller(rig, ControlSettings())
+    loop = closed_loop(controller, command_delay=0.033)
+    loop.run(0.5)
+    points = [TrajectoryPoint(0.5, [0.1], [0.0], [0.0])]
+    controller.references.follow(["elbow"], points, start=None, now=loop.time)
+    loop.run(0.5)
+    loop.run(3.0)
+    assert "swings at rest" in controller.guard.swings or controller.guard.softened
+    controller.guard.clear()
+    assert controller.guard.swings == ""
+
+
+def test_a_loop_without_one_is_not(closed_loop, rig, reaching):
+    controller = Controller(rig, ControlSettings())
+    loop = closed_loop(controller)
+    loop.run(0.5)
+    points, duration = reaching
+    controller.references.follow(["elbow"], points, start=None, now=loop.time)
+    loop.run(duration + 2.0)
+    assert controller.guard.swings == ""

@@ -98,7 +98,7 @@ def test_the_stiffness_of_a_joint_that_only_rests_is_learnt_by_the_test(closed_l
     loop.plants[0].change({"joint.pulley_radius": 1.02 * rig.joints[0].pulley_radius})
     loop.run(1.0)
     channel = controller.channels[0]
-    where = channel.telemetry.pressures, channel.position
+    where = channel.telemetry.pressures, channel.motion.position
     assert not channel.law_state.estimates.stiffness.at(*where).learnt
     controller.references.follow(
         ["elbow"], motion_of_test(0.0, 0.05, 1.5), start=None, now=loop.time

@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 from pam_control.actions.goal_tolerances import (
+    PARAMETERS,
     GoalCode,
     GoalError,
     GoalTolerances,
     Tolerance,
     goal_tolerances,
-    tolerance_parameters,
+    joint_tolerances,
 )
 from pam_control.actions.trajectory_goal import TrajectoryGoal
 from pam_control.controller import Controller
@@ -23,7 +24,7 @@ from pam_control.references.trajectory import TrajectoryPoint
 from pam_control.settings import ControlSettings
 
 DESIGNS = KeptDesigns()
-DEFAULTS = {p.name: p.default for p in tolerance_parameters(["elbow"])} | {
+DEFAULTS = {p.key: p.default for p in (*PARAMETERS, *joint_tolerances("elbow"))} | {
     "constraints.elbow.trajectory": 0.3,
     "constraints.elbow.goal": 0.05,
     "constraints.goal_time": 2.0,
@@ -77,7 +78,9 @@ class Following:
 
     def run(self, duration):
         def judge(time):
-            self.goal.observe(time, self.controller.channels, self.controller.references)
+            names, telemetry = self.controller.rig.joint_names, self.controller.telemetry
+            joints = dict(zip(names, telemetry, strict=True))
+            self.goal.observe(time, joints, self.controller.references)
 
         return self.loop.run(duration, judge)
 

@@ -163,7 +163,10 @@ def test_a_better_fit_that_was_not_preferred_is_explained() -> None:
     assert "creep + hysteresis fits this recording better" in text
     assert "88 %" in text
     assert "a further effect is only accepted if" in text
+    assert "(sum of the log errors 1.10 against 1.40)" in text
     assert why_preferred(("creep", "hysteresis"), [pair, own]) == ""
+    both = [replace(pair, effects=("creep",), level=0.0), replace(own, level=0.0)]
+    assert "(both leave no more than the noise floor)" in why_preferred(("hysteresis",), both)
 
 
 def test_no_interval_has_zero_width(rig: Rig, record: Maker) -> None:

@@ -144,7 +144,7 @@ def test_a_time_and_pressures_that_are_text_are_named_with_their_first_value(
     names = "time,p elbow_flexor [bar],p elbow_extensor [bar],phi elbow [deg]"
     path = tmp_path / "log.csv"
     path.write_text("\n".join([names, *(f"at {k},2,2.{k},{k}" for k in range(40))]))
-    with pytest.raises(RecordingError, match=r"time .*; column 'time' holds text such as 'at 0'"):
+    with pytest.raises(RecordingError, match=r"a time .*; column 'time' holds text such as 'at 0'"):
         import_log(path, RIG, tmp_path / "out")
     path.write_text("\n".join([names, *(f"0.{k:03},{2 + k} bar,2,{k}" for k in range(400))]))
     (problem,) = import_log(path, RIG, tmp_path / "out").problems

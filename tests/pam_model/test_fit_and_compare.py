@@ -206,6 +206,9 @@ def test_second_staircase_is_the_first_times_a_factor() -> None:
             "WEIGHT,4\nSTEPS,1\nmb per step,5\nCYCLES,1\ncycle,dir,step,pressure,d0\n0,2,0,0,0\n",
             "dir = '2'",
         ),
+        ("Pressure (in bar),Force (in N),Laser (in mm)\n1,2,3\n", "no length or shortening; exp"),
+        ("time,Laser\n1,2\n", "no pressure, no force, no length or shortening; expected"),
+        ("pressure,force,length,shortening\n1,2,3,4\n", "both length and shortening; expected"),
     ],
 )
 def test_bad_tables_are_refused(tmp_path: Path, text: str, message: str) -> None:

@@ -73,7 +73,8 @@ def test_the_controller_and_the_model_may_have_a_part_of_the_rate() -> None:
     bench = Bench((500.0, 250.0, 100.0))
     bench.driver.start()
     log = bench.step(20)
-    assert [log.count(one) for one in ("sent", "control", "estimated")] == [20, 10, 4]
+    counted = [log.count(one) for one in ("sent", "control", "published", "estimated")]
+    assert counted == [20, 10, 10, 4]
     assert log.count("measured") == 20
 
 

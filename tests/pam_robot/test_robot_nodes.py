@@ -195,15 +195,15 @@ def test_the_joint_is_controlled_without_a_message_and_the_driver_follows_its_li
     assert not robot.nodes.cycle.has("driver")
     cycles = robot.nodes.cycle.loop.statistics.cycles
     robot.until(lambda: robot.nodes.cycle.loop.statistics.cycles > cycles + 5, "cycles go on")
-    assert "unconfigured" in robot.controller._driver_reason
+    assert "unconfigured" in robot.controller._reason_against_references()
     robot.nodes.driver.trigger_configure()
     robot.activate()
 
 
 def test_stop_is_answered_and_a_guard_vents(robot: Robot) -> None:
     robot.activate()
-    answer = SimpleNamespace(success=False, message="")
-    assert robot.controller._on_stop(None, answer).success
+    (stop,) = (each for each in robot.controller.services if each.srv_name.endswith("/stop"))
+    assert stop.callback(None, SimpleNamespace(success=False, message="")).success
     robot.nodes._link.two_publishers = lambda: "a reason of the test"
     robot.until(lambda: robot.driver.state is not SafetyState.ACTIVE)
     robot.until(lambda: robot.driver.state in {SafetyState.VENTED, SafetyState.VENTING})

@@ -25,7 +25,8 @@ def test_the_form_that_fits_everywhere_is_taken(tmp_path: Path, node: str, name:
 
 @pytest.mark.parametrize(
     "name", ["pam_controller", "/pam_controller", "pam_controler", "/**/pam_contoller",
-             "/lefft/pam_controller", "left/pam_controler", "PAM_Controller", "/*/pam_control"]
+             "/lefft/pam_controller", "left/pam_controler", "PAM_Controller", "/*/pam_control",
+             "pam-controller"]
 )  # fmt: skip
 def test_a_section_that_ros_would_drop_is_refused_with_the_line_to_write(
     tmp_path: Path, name: str

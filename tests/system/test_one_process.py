@@ -13,7 +13,7 @@ from pam_demo.programs import NODES_OF_ROBOT
 from support.reruns import HOST_STALLS
 
 from .conftest import TOGETHER
-from .test_ends import is_disarmed, is_vented, pressurise
+from .test_whole_chain_ends import is_disarmed, is_vented, pressurise
 
 pytestmark = pytest.mark.system
 OBSERVED = ("joint_states", "pressure_states", "valve_commands", "sent_valve_commands",

@@ -64,6 +64,7 @@ def _delays(given: Arguments) -> Outcome:
 def _declare_processes(parser: Parser) -> None:
     add_rig(parser)
     add_kinds(parser)
+    add_one_process(parser)
     parser.add_argument(
         "--out",
         type=output_file,

@@ -37,6 +37,8 @@ HOST_FAULTS = (
     "driver_stopped", "driver_killed", "controller_stopped", "controller_killed", "vent_called"
 )  # fmt: skip
 START = ("rig", "driver", "controller")
+TOGETHER = ("rig", "robot")
+"""What is started, with driver and controller as two processes or as one."""
 
 # If the frames of a board are lost, it cannot report that it has vented; then the driver's commands
 # are observed. The same is done for kinds whose bound applies to the driver alone.
@@ -192,7 +194,7 @@ def _begin(chain: Chain, operator: Operator, kind: FaultKind) -> float:
         begin = time.monotonic()
         operator.trigger("pam_driver/vent")
         return begin
-    name, _, what = kind.name.partition("_")
+    name, what = _process_of(chain, kind)
     process = chain.processes[name]
     begin = time.monotonic()
     process.send(signal.SIGKILL if what == "killed" else signal.SIGSTOP)
@@ -203,11 +205,24 @@ def _end(chain: Chain, kind: FaultKind) -> None:
     """Continue or restart the process that was stopped."""
     if kind.name in INJECTIONS or kind.name == "vent_called":
         return
-    name, _, what = kind.name.partition("_")
+    name, what = _process_of(chain, kind)
     if what == "stopped":
         chain.processes[name].send(signal.SIGCONT)
     else:
         chain.processes.pop(name).wait(5.0)
+        _start(chain, name)
+
+
+def _process_of(chain: Chain, kind: FaultKind) -> tuple[str, str]:
+    """The process that a kind is about, and what happens to it."""
+    name, _, what = kind.name.partition("_")
+    return ("robot" if "robot" in chain.processes else name), what
+
+
+def _start(chain: Chain, name: str) -> None:
+    if name == "robot":
+        chain.start_robot()
+    else:
         chain.start(name)
 
 
@@ -251,9 +266,15 @@ def run_kind(chain: Chain, operator: Operator, kind: FaultKind) -> Row:
 
 
 def run_all(
-    rig_path: Path, kinds: Sequence[FaultKind], open_operator: OpenOperator
+    rig_path: Path,
+    kinds: Sequence[FaultKind],
+    open_operator: OpenOperator,
+    *,
+    one_process: bool = False,
 ) -> Iterator[Row]:
     """Run every kind in turn on one chain of processes.
+
+    With `one_process`, driver, controller and model are one of them.
 
     Raises
     ------
@@ -269,8 +290,8 @@ def run_all(
             open_operator(rig.joint_names, port, environment) as operator,
             Chain([rig_path], bus, environment) as chain,
         ):
-            for name in START:
-                chain.start(name)
+            for name in TOGETHER if one_process else START:
+                _start(chain, name)
             if not operator.run(PATIENCE, operator.ready):
                 raise PamError(f"no chain within {PATIENCE:g} s")
             for kind in kinds:
@@ -290,10 +311,13 @@ def run(given: Arguments, open_operator: OpenOperator) -> Outcome:
         If a kind is unknown, or not all kinds could be run; the finished kinds are written.
     """
     possible = [kind for kind in KINDS if kind.name in {*INJECTIONS, *HOST_FAULTS}]
+    if given.one_process:
+        possible = [kind for kind in possible if not kind.name.startswith("controller_")]
     kinds = kinds_called(given.kind, possible)
     done: list[Row] = []
     try:
-        for row in run_all(chosen_rig(given), kinds, open_operator):
+        rows = run_all(chosen_rig(given), kinds, open_operator, one_process=given.one_process)
+        for row in rows:
             done.append(row)  # the kinds before a failure are reported as well
     except PamError as error:
         left = len(kinds) - len(done)

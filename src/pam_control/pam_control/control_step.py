@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from pam_control.feedback.pid import PidGains
@@ -148,8 +148,7 @@ class PlanRequest:
         return self.acts[0].reference.velocity, self.acts[1].reference.velocity
 
 
-@dataclass(frozen=True, slots=True)
-class LawTelemetry:
+class LawTelemetry(NamedTuple):
     """What a control law says about its plan.
 
     Attributes
@@ -213,8 +212,7 @@ class PressurePlan:
     telemetry: LawTelemetry
 
 
-@dataclass(frozen=True, slots=True)
-class JointTelemetry:
+class JointTelemetry(NamedTuple):
     """Telemetry of one joint from the last control step.
 
     Attributes
@@ -235,8 +233,8 @@ class JointTelemetry:
         What the control law says.
     """
 
-    reference: JointReference = field(default_factory=lambda: JointReference(math.nan))
-    motion: Motion = Motion()  # noqa: RUF009  (immutable)
+    reference: JointReference = JointReference(math.nan)
+    motion: Motion = Motion()
     error: float = math.nan
     pressures: Pair = (math.nan, math.nan)
     clipped: tuple[str, ...] = ()

@@ -390,7 +390,8 @@ class Controller:
             `stale_after`.
         """
         torques = self._torques.at(time, self.settings.stream_timeout)
-        self._guide(time, torques)
+        if self.law.guides:
+            self._guide(time, torques)
         reason = self.guard.stopped or missing_measurement(
             time, measurement, self.rig, self._models, self.settings.stale_after
         )

@@ -112,6 +112,7 @@ class ControllerHealth:
         values["pressure loop gain [1/s]"] = controller.settings.pressure_gain
         guard = controller.guard
         values["soft gains because"] = guard.softened or "not used"
+        values["swings at rest"] = guard.swings or "none"
         values["stopped because"] = guard.stopped or "not stopped"
         values["lowering"] = controller.lowering.phase.value
         changes = self._changes
@@ -122,6 +123,8 @@ class ControllerHealth:
             level, text = health.STALE, f"sends no commands: {reason}"
         elif guard.softened:
             level, text = health.WARN, f"controlling with soft gains: {guard.softened}"
+        elif guard.swings:
+            level, text = health.WARN, f"controlling; {guard.swings}"
         elif changes.refusal:
             level, text = health.WARN, f"controlling; {changes.refusal}"
         elif changes.designing:

@@ -306,7 +306,7 @@ class ControllerNode(Node):  # type: ignore[misc]
             if self._driver.reason:
                 return
             guard = self._controller.guard
-            before = (guard.stopped, guard.softened)
+            before, swings = (guard.stopped, guard.softened), guard.swings
             guard.stopped = guard.stopped or self._link.two_publishers()
             try:
                 output = self._controller.step(now, measurement)
@@ -320,6 +320,8 @@ class ControllerNode(Node):  # type: ignore[misc]
         self._driver.silence = reason
         if after != before:
             self._tell_guard(*after)
+        if guard.swings != swings:
+            self.get_logger().warning(guard.swings)
         if commands is None:
             return
         self._sent = sent_at, _ = time.time_ns(), output.joints

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -319,7 +318,7 @@ class JointChannel:
         if self._sinking_from is None:
             self._sinking_from = self._desired
         (first, second), still = self._sinking_from, (0.0, 0.0)
-        telemetry = dataclasses.replace(self._telemetry.law, clipped=())
+        telemetry = self._telemetry.law._replace(clipped=())
         pressures = (share * first, share * second)
         return PressurePlan(pressures, still, still, still, 0.0, self._pid.integral, telemetry)
 

@@ -6,8 +6,8 @@ oscillates after a pause, or follows its reference with too large an error, the 
 The oscillation that a tube in front of a muscle causes until it is found also gets a pause to fade,
 because the pressure loops change then.
 
-Small swings about a target at rest bring the safe gains as well. They do not stop the controller:
-what the safe gains leave of them is no danger.
+Small swings about a target at rest are only told, with their likely cause: the safe gains leave a
+larger error of friction and load than the swings have. Swings that grow bring the safe gains.
 """
 
 from __future__ import annotations
@@ -49,6 +49,8 @@ class LoopGuard:
     ----------
     softened, stopped : str
         Why the safe gains are used, and why the controller has stopped; empty if it has not.
+    swings : str
+        Which joint swung at rest since the last vent, and why; empty if none has.
     """
 
     def __init__(self, joints: Sequence[RobotJoint]) -> None:
@@ -60,11 +62,11 @@ class LoopGuard:
         self._gaps: deque[tuple[float, float]] = deque()
         self._tubes = [0 for _ in joints]  # muscles that were found to be behind one, by joint
         self._fading_until = [-math.inf for _ in joints]
-        self.softened = self.stopped = ""
+        self.softened = self.stopped = self.swings = ""
 
     def clear(self) -> None:
         """Forget everything, after someone has vented the driver."""
-        self.softened = self.stopped = ""
+        self.softened = self.stopped = self.swings = ""
         self._pause_until = -math.inf
         self._gaps.clear()
         self._tubes = [0 for _ in self._names]
@@ -148,8 +150,8 @@ class LoopGuard:
             if self._fades(index, time, joint.behind_tube):
                 wild = oscillation.too_fast(speed)
             swings = self._resting[index].update(time, joint.motion.position, rests)
-            if not wild and can_soften and not self.softened:
-                wild = swings
+            if swings and not self.swings:
+                self.swings = f"{name}: {swings}"
             if not wild or time < self._pause_until:
                 continue
             if self.softened or not can_soften:

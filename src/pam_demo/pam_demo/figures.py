@@ -208,7 +208,7 @@ def _stiffness_figures(play: Play, rig: Rig, moved: str) -> tuple[list[Figure], 
             continue
         settled = _means(play.stiffness.between(start + ramp + SETTLING, end))
         worst = max(worst, float(np.max(np.abs(settled - level))) / level)
-    text = f"stiffness: worst deviation (50 ms mean) on {len(ends) - len(notes)} levels"
+    text = f"Stiffness: worst deviation (50 ms mean) on {len(ends) - len(notes)} levels"
     return [Figure("stiffness_deviation", text, 100.0 * worst, "%", 5.0)], notes
 
 
@@ -228,9 +228,9 @@ def _step_figures(play: Play) -> list[Figure]:
         outside = np.flatnonzero(np.abs(play.measured[inside] - target) > SETTLED)
         if len(outside):
             settling = max(settling, float(play.times[inside][outside[-1]]) - begin)
-    text = f"steps: longest settling time to within {SETTLED:g} rad"
+    text = f"Steps: longest settling time to within {SETTLED:g} rad"
     return [
-        Figure("step_overshoot", "steps: maximum overshoot", 100.0 * overshoot, "%"),
+        Figure("step_overshoot", "Steps: maximum overshoot", 100.0 * overshoot, "%"),
         Figure("step_settling", text, settling, "s"),
     ]
 
@@ -270,13 +270,13 @@ def _loop_figures(
     figures = [
         Figure(
             "controller_late",
-            f"controller loop: periods more than {allowed}",
+            f"Controller loop: periods more than {allowed}",
             late,
             "%",
             1.0,
         ),
         Figure(
-            "controller_rate", "controller loop: mean rate", 1.0 / float(np.mean(periods)), "Hz"
+            "controller_rate", "Controller loop: mean rate", 1.0 / float(np.mean(periods)), "Hz"
         ),
     ]
     start, motion = full[-1]
@@ -284,10 +284,10 @@ def _loop_figures(
     if len(counted.times) > 1:
         cycles, behind, skipped = counted.values[-1] - counted.values[0]
         share = 100.0 * float((behind + skipped) / (cycles + skipped))
-        text = f"driver loop: cycles more than {allowed}"
+        text = f"Driver loop: cycles more than {allowed}"
         figures.append(Figure("driver_late", text, share, "%", 1.0))
         mean_rate = float(cycles / (counted.times[-1] - counted.times[0]))
-        figures.append(Figure("driver_rate", "driver loop: mean rate", mean_rate, "Hz"))
+        figures.append(Figure("driver_rate", "Driver loop: mean rate", mean_rate, "Hz"))
     return figures
 
 
@@ -362,8 +362,8 @@ def evaluate(
         Figure(
             "arm_rms", f"{arm.motion.title}: RMS error", arm.rms(arm.motion.windows), "rad", 0.01
         ),
-        Figure("chirp_1hz_rms", "chirp to 1 Hz, RMS error", chirp.rms(to_1), "rad", 0.015),
-        Figure("chirp_2hz_rms", "chirp to 2 Hz, RMS error", chirp.rms(to_2), "rad"),
+        Figure("chirp_1hz_rms", "Chirp to 1 Hz: RMS error", chirp.rms(to_1), "rad", 0.015),
+        Figure("chirp_2hz_rms", "Chirp to 2 Hz: RMS error", chirp.rms(to_2), "rad"),
     ]
     if ("full", "staircase") in by:
         more, notes_here = _stiffness_figures(by["full", "staircase"], rig, joint)
@@ -374,11 +374,11 @@ def evaluate(
             if (law, name) not in by:
                 continue
             rms = by[law, name].rms(windows)
-            text = f"{by[law, name].motion.title}: RMS error of {NAMES[law]}"
+            text = f"{by[law, name].motion.title}, {NAMES[law]}: RMS error"
             ratio = rms / by["full", name].rms(windows)
             figures.append(Figure(f"{name}_rms_{law}", text, rms, "rad"))
             text = (
-                f"{by[law, name].motion.title}: error of {NAMES[law]}, in multiples of the full "
+                f"{by[law, name].motion.title}, {NAMES[law]}: error in multiples of the full "
                 "controller's"
             )
             figures.append(Figure(f"{name}_ratio_{law}", text, ratio, "-", 3.0, True))
@@ -387,7 +387,7 @@ def evaluate(
     if ("full", "staircase") in by:
         held = by["full", "staircase"]
         figures.append(
-            Figure("staircase_rms", "held angle, RMS error", held.rms(held.motion.windows), "rad")
+            Figure("staircase_rms", "Held angle: RMS error", held.rms(held.motion.windows), "rad")
         )
     figures += _truth_figures(runs, motions, data)
     periods = {"/valve_commands": _periods(full, data["/valve_commands"])}

@@ -145,7 +145,10 @@ def _declare(parser: Parser) -> None:
 
 def _run(given: Arguments) -> Outcome:
     if given.out.exists():
-        raise PamError(f"--out {given.out}: exists already; a recording makes its own folder")
+        raise PamError(
+            f"--out {given.out}: exists already; a recording makes its own folder: name another, "
+            "or remove this one"
+        )
     take_priority(given.realtime_priority)  # before there are other threads, which inherit it
     record(given.out)
     return Outcome({"bag": given.out})

@@ -146,6 +146,7 @@ class RobotCycle:
         self._cycles = 0
         self._snapshot: Snapshot | None = None
         self._broken = False
+        self._controlled = False  # in this cycle
         self._break_down: Callable[[Exception], object]
 
     def compose(
@@ -221,6 +222,7 @@ class RobotCycle:
     def _control(self) -> None:
         if CONTROLLER not in self._parts or self._cycles % self._control_every:
             return
+        self._controlled = True
         try:
             self._work.control()
         except Exception:
@@ -247,7 +249,9 @@ class RobotCycle:
                 self._break_down(error)
 
     def _tell(self) -> None:
-        self._work.publish()
+        if self._controlled:
+            self._controlled = False
+            self._work.publish()
         if self._cycles % self._estimate_every == 0:
             snapshot, self._snapshot = self._snapshot, None
             self._work.estimate(snapshot)

@@ -171,7 +171,7 @@ def _alike(name: str, mine: str) -> bool:
     Names that differ by a number or by one part more, as arm1 and arm2, are different on purpose,
     and so are names of other families, as arm_controller and pam_controller.
     """
-    name, mine = name.lower(), mine.lower()
+    name, mine = name.lower().replace("-", "_"), mine.lower()
     if name != mine and re.sub(r"\d+", "", name) == re.sub(r"\d+", "", mine):
         return False
     other_family = "_" in mine and name.split("_")[0] != mine.split("_")[0]

@@ -59,10 +59,11 @@ RIVALS: Final = (
     Rival(SMOOTH, 0.0),
     Rival((*SMOOTH, *SLIPS), 2.0),
     Rival((*SMOOTH, DELAY), 0.0, better=2.0),
-    Rival((*SMOOTH, *SLIPS, DELAY), 0.0, better=2.0),
+    Rival((*SMOOTH, *SLIPS, DELAY), 0.0, better=4.0),
 )
 """By the numbers of the functions of `motion_functions`, after which comes the delay. Dry friction
-is ordinary; a delay has to explain what nothing else does."""
+is ordinary. A delay has to explain what nothing else does, and more of it beside friction, of which
+the slip elements are only an approximation."""
 SLOW_FUNCTIONS: Final = 3  # 1, q and q^3: what the integral of the feedback carries meanwhile
 DRY: Final = 0.02  # rad; longer slip elements are hysteresis, by which a joint does not stick
 

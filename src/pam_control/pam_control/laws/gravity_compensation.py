@@ -16,10 +16,9 @@ Admittance control for physical human-robot interaction, Int. J. Robotics Resear
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from dataclasses import dataclass
-from typing import ClassVar, Final
+from typing import ClassVar, Final, NamedTuple
 
 from pam_control.control_step import PlanRequest, PressurePlan
 from pam_control.declared import BY_SIZE, declared, share_of_torque
@@ -32,8 +31,7 @@ from pam_control.settings import ControlSettings
 FOLLOWING_TIME: Final = 0.1  # s, T
 
 
-@dataclass(frozen=True, slots=True)
-class GravityCompensationState:
+class GravityCompensationState(NamedTuple):
     """State of one joint: that of its spring, and its rest angle [rad]."""
 
     spring: ImpedanceState
@@ -46,6 +44,7 @@ class GravityCompensation(Law[GravityCompensationState]):
 
     name: ClassVar[str] = "gravity_compensation"
     is_scheduled: ClassVar[bool] = True
+    guides: ClassVar[bool] = True
     against_motion: ClassVar[str] = "law gravity_compensation: the joints are moved by hand"
 
     damping: float = DAMPING.field()
@@ -79,7 +78,7 @@ class GravityCompensation(Law[GravityCompensationState]):
         self, models: JointModels, state: GravityCompensationState
     ) -> GravityCompensationState:
         """The joint is taken over."""
-        return dataclasses.replace(state, spring=self._spring.rest(models, state.spring))
+        return state._replace(spring=self._spring.rest(models, state.spring))
 
     def begin(
         self, models: JointModels, state: GravityCompensationState, start: Start
@@ -100,7 +99,7 @@ class GravityCompensation(Law[GravityCompensationState]):
         speed = max(-self.speed_limit, min(self.speed_limit, beyond / FOLLOWING_TIME))
         lower, upper = models.joint.position_limits
         rest = max(lower, min(upper, state.rest + speed * request.step))
-        return Guidance(lead=rest), dataclasses.replace(state, rest=rest)
+        return Guidance(lead=rest), state._replace(rest=rest)
 
     def stiffness(self, state: GravityCompensationState) -> float:
         """The reference of the stiffness [N m/rad]."""
@@ -111,4 +110,4 @@ class GravityCompensation(Law[GravityCompensationState]):
     ) -> tuple[PressurePlan, GravityCompensationState]:
         """Plan the pressures of the spring."""
         plan, spring = self._spring.plan(models, state.spring, request)
-        return plan, dataclasses.replace(state, spring=spring)
+        return plan, state._replace(spring=spring)

@@ -21,7 +21,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
-from typing import Any, ClassVar, Final
+from typing import Any, ClassVar, Final, NamedTuple
 
 from pam_control.control_step import PlanRequest, PressurePlan
 from pam_control.declared import BY_SIZE, BySize, Declared
@@ -49,8 +49,7 @@ MUSCLES: Final = PositionStiffness()
 """Gives the pressures of the spring."""
 
 
-@dataclass(frozen=True, slots=True)
-class ImpedanceState:
+class ImpedanceState(NamedTuple):
     """State of one joint.
 
     Attributes
@@ -87,14 +86,14 @@ class Impedance(Law[ImpedanceState]):
 
     def rest(self, models: JointModels, state: ImpedanceState) -> ImpedanceState:
         """The joint is taken over."""
-        return dataclasses.replace(state, muscles=MUSCLES.rest(models, state.muscles))
+        return state._replace(muscles=MUSCLES.rest(models, state.muscles))
 
     def begin(
         self, models: JointModels, state: ImpedanceState, start: Start
     ) -> tuple[float, ImpedanceState]:
         """Begin with the torque that the joint has."""
         torque, muscles = MUSCLES.begin(models, state.muscles, start)
-        return torque, dataclasses.replace(state, muscles=muscles, start=torque)
+        return torque, state._replace(muscles=muscles, start=torque)
 
     def plan(
         self, models: JointModels, state: ImpedanceState, request: PlanRequest
@@ -105,7 +104,7 @@ class Impedance(Law[ImpedanceState]):
         # without an integral, which would grow while somebody holds the joint
         request = dataclasses.replace(request, output=output, integral=0.0)
         plan, muscles = MUSCLES.plan(models, state.muscles, request)
-        telemetry = dataclasses.replace(plan.telemetry, yields=True)
+        telemetry = plan.telemetry._replace(yields=True)
         plan = dataclasses.replace(plan, missed=0.0, integral=0.0, telemetry=telemetry)
         return plan, ImpedanceState(muscles, fading, telemetry.stiffness_reached)
 

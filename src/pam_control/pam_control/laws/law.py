@@ -121,6 +121,8 @@ class Law[State](ABC):
     largest_integral : float or None
         Limit of the PID's integral unless one is given, in the unit of its output; None: by the
         size of the joint.
+    guides : bool
+        Whether `guide` asks anything of the references.
     bare : str
         What the muscles alone are, which must be stable without feedback; empty if it is not
         needed. See `bare_cases`.
@@ -134,6 +136,7 @@ class Law[State](ABC):
     takes_torques: ClassVar[bool] = False
     against_motion: ClassVar[str] = ""
     largest_integral: ClassVar[float | None] = None
+    guides: ClassVar[bool] = False
     bare: ClassVar[str] = ""
 
     def __post_init__(self) -> None:

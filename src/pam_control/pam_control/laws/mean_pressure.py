@@ -12,8 +12,7 @@ slope is the only thing these laws take from the joint's model while they run.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 from pam_control.control_step import LawTelemetry, PlanRequest
 from pam_control.declared import Declared
@@ -67,8 +66,7 @@ def ratio_at_rest(models: JointModels, position: float, mean: float) -> float | 
     return ratio_for_torque(models, position, mean, models.dynamics.gravity(position))
 
 
-@dataclass(frozen=True, slots=True)
-class MeanPressureState:
+class MeanPressureState(NamedTuple):
     """The mean pressure of one joint.
 
     Attributes

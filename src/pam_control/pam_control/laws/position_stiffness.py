@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar, Final, NamedTuple
 
 from pam_control.adaptation.rig_numbers import RigNumbers
@@ -50,8 +50,7 @@ CORRECTED_EVERY: Final = 0.2  # s
 CORRECTED_SHARE: Final = 0.2  # of what lacks, each time
 
 
-@dataclass(frozen=True, slots=True)
-class Correction:
+class Correction(NamedTuple):
     """The correction of the commanded stiffness by what was learnt.
 
     Attributes
@@ -70,8 +69,7 @@ class Correction:
 NONE: Final = Correction()
 
 
-@dataclass(frozen=True, slots=True)
-class PositionStiffnessState:
+class PositionStiffnessState(NamedTuple):
     """State of one joint.
 
     Attributes
@@ -142,18 +140,17 @@ class PositionStiffness(Law[PositionStiffnessState]):
         state.estimates.rest()
         state.stuck.reset()
         state.history.reset()
-        return replace(
-            state,
+        return state._replace(
             plans=(),
             adapted=0.0,
             lagging=(math.nan, math.nan),
-            correction=replace(state.correction, at=-math.inf),
+            correction=state.correction._replace(at=-math.inf),
         )
 
     def forget(self, models: JointModels, state: PositionStiffnessState) -> PositionStiffnessState:
         """What was learnt of the joint is forgotten."""
         state.estimates.forget()
-        return replace(state, correction=NONE)
+        return state._replace(correction=NONE)
 
     def begin(
         self, models: JointModels, state: PositionStiffnessState, start: Start
@@ -169,7 +166,7 @@ class PositionStiffness(Law[PositionStiffnessState]):
             if start.gains.observer > 0.0:
                 torque -= state.estimates.observer.start(torque, settings.observer_limit)
         limit = settings.integral_limit
-        return max(-limit, min(limit, torque)), replace(state, stiffness=stiffness)
+        return max(-limit, min(limit, torque)), state._replace(stiffness=stiffness)
 
     def resume(
         self, models: JointModels, state: PositionStiffnessState, start: Start
@@ -184,7 +181,7 @@ class PositionStiffness(Law[PositionStiffnessState]):
             position = start.reference.position
             lost = state.estimates.observer.lost if start.gains.observer > 0.0 else 0.0
         torque = models.model.torque(*start.pressures, models.inside(position))
-        return torque - planned - lost, replace(state, plans=())
+        return torque - planned - lost, state._replace(plans=())
 
     def plan(
         self, models: JointModels, state: PositionStiffnessState, request: PlanRequest
@@ -195,10 +192,10 @@ class PositionStiffness(Law[PositionStiffnessState]):
         rate_limit = min(settings.stiffness_rate, models.joint.max_stiffness_rate)
         reach = rate_limit * request.step
         stiffness = state.stiffness + limited(wanted - state.stiffness, -reach, reach)
-        state = replace(state, stiffness=stiffness, correction=correction)
         if settings.feedforward:
-            target, state = _ahead(models, state, request)
+            target, state = _ahead(models, state, request, stiffness, correction)
         else:
+            state = state._replace(stiffness=stiffness, correction=correction)
             still, velocities = (0.0, 0.0), (motion.velocity, motion.velocity)
             target = _Target(
                 request.output, stiffness, motion.position, still, still, still, velocities,
@@ -280,7 +277,11 @@ class _Target(NamedTuple):
 
 
 def _ahead(
-    models: JointModels, state: PositionStiffnessState, request: PlanRequest
+    models: JointModels,
+    state: PositionStiffnessState,
+    request: PlanRequest,
+    stiffness: float,
+    corrected: Correction,
 ) -> tuple[_Target, PositionStiffnessState]:
     """Plan the pressures for the time when the valves act, and correct those of now."""
     settings, motion = request.settings, request.motion
@@ -292,15 +293,12 @@ def _ahead(
     usual = state.estimates.adaptation.torque(acts_at, then, limit) if request.adapts else 0.0
     adapted, correction = repeated_torque(request, usual)
     added = known - adapted
-    planned = models.model.pressures_for(
-        models.torque(then) - added, state.stiffness, then.position
-    )
+    planned = models.model.pressures_for(models.torque(then) - added, stiffness, then.position)
     goal = (planned.agonist, planned.antagonist)
-    plan = Plan(acts_at, goal, state.stiffness, added, known)
+    plan = Plan(acts_at, goal, stiffness, added, known)
     plans = remember(state.plans, plan, now.time)
     past, coming = plan_at(plans, now.time), pressures_at(plans, request.side_times)
     shown = shown_pressures(plans, shown, now.time, models.pressure_lag, request.step)
-    state = replace(state, plans=plans, shown=shown, adapted=adapted)
 
     torque = models.torque(now.reference) - past.memory_torque + request.output + correction
     friction = models.dry_friction
@@ -308,10 +306,10 @@ def _ahead(
     lost = lost_torque(models, state.estimates, request, past.memory_torque)
     torque += lost or 0.0
     disturbance, integral = -lost if lost is not None else math.nan, request.integral
+    lagging = state.lagging
     if request.adapts:
         then_known = plan_at(plans, request.seen.time).known
-        lagging, learnt = learn_torque(models, state.estimates, state.lagging, request, then_known)
-        state = replace(state, lagging=lagging)
+        lagging, learnt = learn_torque(models, state.estimates, lagging, request, then_known)
         # a motion that is repeated keeps what it was played with
         if adapted == usual:
             integral = handed_over(integral, learnt)
@@ -334,7 +332,17 @@ def _ahead(
         integral,
         disturbance,
     )
-    return target, state
+    return target, PositionStiffnessState(
+        state.estimates,
+        state.stuck,
+        state.history,
+        stiffness,
+        plans,
+        shown,
+        adapted,
+        lagging,
+        corrected,
+    )
 
 
 def _wanted_stiffness(

@@ -19,7 +19,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
-from typing import ClassVar, Final
+from typing import ClassVar, Final, NamedTuple
 
 from pam_control.control_step import LawTelemetry, PlanRequest, PressurePlan
 from pam_control.feedback.linear_joint import LoopStructure, OperatingPoint
@@ -40,8 +40,7 @@ HOLD: Final = PositionStiffness()
 """Holds and moves a joint for which no torque is commanded."""
 
 
-@dataclass(frozen=True, slots=True)
-class TorqueState:
+class TorqueState(NamedTuple):
     """State of one joint.
 
     Attributes
@@ -69,6 +68,7 @@ class Torque(Law[TorqueState]):
     is_scheduled: ClassVar[bool] = True
     has_lead: ClassVar[bool] = True
     takes_torques: ClassVar[bool] = True
+    guides: ClassVar[bool] = True
     bare: ClassVar[str] = "as a source of torque, its muscles are"
 
     def cases(self, models: JointModels, settings: ControlSettings) -> list[LoopCase]:
@@ -98,21 +98,21 @@ class Torque(Law[TorqueState]):
 
     def rest(self, models: JointModels, state: TorqueState) -> TorqueState:
         """The joint is taken over."""
-        return dataclasses.replace(state, hold=HOLD.rest(models, state.hold))
+        return state._replace(hold=HOLD.rest(models, state.hold))
 
     def begin(
         self, models: JointModels, state: TorqueState, start: Start
     ) -> tuple[float, TorqueState]:
         """Begin with the stiffness and the torque that the joint has."""
         torque, hold = HOLD.begin(models, state.hold, start)
-        return torque, dataclasses.replace(state, hold=hold)
+        return torque, state._replace(hold=hold)
 
     def resume(
         self, models: JointModels, state: TorqueState, start: Start
     ) -> tuple[float, TorqueState]:
         """Go on with the torque that the joint is desired to have."""
         torque, hold = HOLD.resume(models, state.hold, start)
-        return torque, dataclasses.replace(state, hold=hold)
+        return torque, state._replace(hold=hold)
 
     def guide(
         self, models: JointModels, state: TorqueState, request: GuideRequest
@@ -125,7 +125,7 @@ class Torque(Law[TorqueState]):
         elif state.driven:  # the stream has ended
             guidance = Guidance(restart=True)
         if driven:
-            return guidance, dataclasses.replace(state, driven=True)
+            return guidance, state._replace(driven=True)
         return guidance, TorqueState(state.hold)
 
     def stiffness(self, state: TorqueState) -> float:
@@ -139,7 +139,7 @@ class Torque(Law[TorqueState]):
         asked = request.torque
         if asked is None:
             plan, hold = HOLD.plan(models, state.hold, request)
-            return plan, dataclasses.replace(state, hold=hold)
+            return plan, state._replace(hold=hold)
         settings, motion = request.settings, request.motion
         reach = min(settings.stiffness_rate, models.joint.max_stiffness_rate) * request.step
         change = request.stiffness - state.hold.stiffness
@@ -175,7 +175,7 @@ class Torque(Law[TorqueState]):
             0.0,
             telemetry,
         )
-        hold = dataclasses.replace(state.hold, stiffness=stiffness, plans=())
+        hold = state.hold._replace(stiffness=stiffness, plans=())
         return plan, TorqueState(hold, True, torque, slope)
 
 

@@ -303,10 +303,16 @@ def why_preferred(chosen: Sequence[str], ranking: Sequence[ScoredCandidate]) -> 
         reason = "more effects are only accepted if they lower the error clearly"
     else:
         reason = "it is the simpler law, and both leave about the same error"
+    levels = f"{best.level:.2f} against {own.level:.2f}"
+    shown = (
+        "both leave no more than the noise floor"
+        if max(best.level, own.level) < 0.005  # shown as 0.00
+        else f"sum of the log errors {levels}"
+    )
     return (
         f"{other} fits this recording better: it leads in {percent(best.weight)} of the resampled "
-        f"recordings, {mine} in {percent(own.weight)}. {mine} was preferred because {reason} (sum "
-        f"of the log errors {best.level:.2f} against {own.level:.2f})."
+        f"recordings, {mine} in {percent(own.weight)}. {mine} was preferred because {reason} "
+        f"({shown})."
     )
 
 

@@ -75,26 +75,32 @@ class MessageIntervals:
         return max(duration - max((t.spoiled for t in self._topics.values()), default=0.0), 0.0)
 
     def faults(self) -> list[str]:
-        """What is wrong with the times of the messages; empty if nothing is."""
-        found = []
+        """What is wrong with the times of the messages, one line a kind; empty if nothing is."""
         told = self._rules.recording.told_share
+        gaps, lost, longest, set_back = [], [], 0.0, []
         for name, topic in self._topics.items():
             whole = max(topic.in_gaps + topic.seen * _number(topic.period), 1e-9)
-            share = topic.in_gaps / whole
-            lost = topic.lost / max(topic.lost + topic.seen, 1)
-            if share > told:
-                found.append(
-                    f"gaps: {share:.0%} of the time has no {name}, the longest gap lasts "
-                    f"{topic.longest:.2g} s; the computer or the network is too busy: end other "
-                    "programs, and record again"
-                )
-            elif lost > told:
-                found.append(f"lost: {lost:.0%} of the messages of {name} do not arrive")
+            in_gaps = topic.in_gaps / whole
+            missed = topic.lost / max(topic.lost + topic.seen, 1)
+            if in_gaps > told:
+                gaps.append(f"{name} ({in_gaps:.0%})")
+                longest = max(longest, topic.longest)
+            elif missed > told:
+                lost.append(f"{name} ({missed:.0%})")
             if topic.set_back:
-                found.append(
-                    f"clock: the stamps of {name} ran backwards {topic.set_back} times; let the "
-                    "clocks settle (chrony, NTP), and record again"
-                )
+                set_back.append(f"those of {name} ran backwards {topic.set_back} times")
+        found = []
+        if gaps:
+            found.append(
+                f"gaps: a part of the time has no {', '.join(gaps)}, the longest gap lasts "
+                f"{longest:.2g} s; the computer or the network is too busy: end other programs, "
+                "and record again"
+            )
+        if lost:
+            found.append(f"lost: a part of the messages does not arrive: {', '.join(lost)}")
+        if set_back:
+            which = ", ".join(set_back).replace("those of", "the stamps of", 1)
+            found.append(f"clock: {which}; let the clocks settle (chrony, NTP), and record again")
         return found
 
 

@@ -131,7 +131,10 @@ def record(
         If the folder exists already.
     """
     if out.exists():
-        raise PamError(f"--out {out}: exists already; a recording makes its own folder")
+        raise PamError(
+            f"--out {out}: exists already; a recording makes its own folder: name another one, "
+            "or remove this one"
+        )
     out.parent.mkdir(parents=True, exist_ok=True)
     ending = False
 

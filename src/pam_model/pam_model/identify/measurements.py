@@ -228,10 +228,14 @@ def _load_points(path: Path, rows: list[list[str]]) -> Measurements:
     header, scales = [name for name, _ in headings], dict(headings)
     position = [name for name in ("length", "shortening") if name in header]
     missing = [name for name in ("pressure", "force") if name not in header]
+    if not position:
+        missing.append("length or shortening")
     if missing or len(position) != 1:
+        wrong = f"no {', no '.join(missing)}" if missing else "both length and shortening"
         raise PamError(
-            f"{path}: header has {all_shown(rows[0])}; expected pressure [Pa], force [N] and "
-            "either length [m] or shortening [m], optionally velocity [m/s], block, branch"
+            f"{path}: header has {all_shown(rows[0])}, {wrong}; expected pressure [Pa], force [N] "
+            "and either length [m] or shortening [m], optionally velocity [m/s], block, branch; "
+            "rename the columns"
         )
 
     def column(name: str, default: str | None = None) -> list[str]:

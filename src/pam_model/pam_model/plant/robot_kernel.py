@@ -52,6 +52,7 @@ from pam_model.plant.layout import (
  _SLIDING, _LATE) = range(13)  # fmt: skip
 N_ROWS: Final = 13
 UNBOUNDED: Final = 1e300
+TINY: Final = 1e-300
 
 
 @compiled
@@ -191,22 +192,25 @@ def settle_robot(c: Any, body: Any, y: Any, work: Any, step: float) -> None:
             work[_STATE][i] = HELD if turned > 0.0 else FREE
     if longest > 0.0:
         apply_impulses(y, body, work)
-    any_hits = False
+    longest = 0.0
     for i in range(n):
-        work[_LOW][i], work[_HIGH][i] = 0.0, 0.0
-        work[_STATE][i] = FREE
-        if y[i][Y_POSITION] >= c[i][C_UPPER]:
-            y[i][Y_POSITION] = c[i][C_UPPER]
-            work[_LOW][i] = -UNBOUNDED
-            any_hits = any_hits or y[i][Y_VELOCITY] > 0.0
-        elif y[i][Y_POSITION] <= c[i][C_LOWER]:
-            y[i][Y_POSITION] = c[i][C_LOWER]
-            work[_HIGH][i] = UNBOUNDED
-            any_hits = any_hits or y[i][Y_VELOCITY] < 0.0
-        if work[_LOW][i] < work[_HIGH][i]:
-            work[_STATE][i] = HELD
-    if any_hits:
+        position, speed = y[i][Y_POSITION], y[i][Y_VELOCITY]
+        at_upper, at_lower = position >= c[i][C_UPPER], position <= c[i][C_LOWER]
+        work[_LOW][i] = -UNBOUNDED if at_upper else 0.0
+        work[_HIGH][i] = UNBOUNDED if at_lower else 0.0
+        work[_STATE][i] = HELD if at_upper or at_lower else FREE
+        work[_BEFORE][i] = speed
+        if (at_upper and speed > 0.0) or (at_lower and speed < 0.0):
+            past = (position - (c[i][C_UPPER] if at_upper else c[i][C_LOWER])) / speed
+            longest = max(longest, min(past, step), TINY)
+    if longest > 0.0:
         apply_impulses(y, body, work)
+        for i in range(n):  # as the impulse was at the time of the hit
+            y[i][Y_POSITION] += (y[i][Y_VELOCITY] - work[_BEFORE][i]) * longest
+            if work[_STATE][i] == HELD:
+                y[i][Y_POSITION] = c[i][C_UPPER] if work[_LOW][i] < 0.0 else c[i][C_LOWER]
+    for i in range(n):
+        y[i][Y_POSITION] = min(max(y[i][Y_POSITION], c[i][C_LOWER]), c[i][C_UPPER])
 
 
 @compiled_loop

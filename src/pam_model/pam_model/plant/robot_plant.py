@@ -140,9 +140,10 @@ class RobotPlant:
             return [self.joints[0].step(commands[0], duration)]
         flat = [command for pair in commands for command in pair]
         rows, at = self._history.with_next(flat, duration)
+        ks, ys, held, drive, work = self._scratch
         run_robot(
             self._constants, self._tables, self._body, for_kernel(np.array(rows)), at, duration,
-            self._step, self._y, *self._scratch, self._outputs,
+            self._step, self._y, ks, ys, held, drive, work, self._outputs,
         )  # fmt: skip
         return [plant.observe(duration) for plant in self.joints]
 
