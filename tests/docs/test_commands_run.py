@@ -27,7 +27,7 @@ NOT_RUN = {
     r".*pam check rough-rig": "takes minutes; tests/pam_check runs its parts",
     r".*examples/": "tests/examples runs it",
     r".*pam bringup ": "needs a display; tests/pam_bringup",
-    r".*pam gap (calibrate|diagnose|fleet|import|compare) ": "needs recordings; tests/pam_gap",
+    r".*pam gap (calibrate|diagnose|fleet|import|compare) ": "needs recordings; in tests/pam_gap",
     r".*pam gap record ": "needs a running robot; tests/pam_gap runs it",
     r".*pam model gallery|.*--page docs/": "rewrites pages of this project",
     r"firmware": "is built by tests/firmware",

@@ -34,6 +34,10 @@ class LoggedChain:
         self.started.append((name, dict(parameters or {})))
         return SimpleNamespace(wait_for_output=lambda *_: None)
 
+    def start_robot(self, parameters: dict[str, Any]) -> None:
+        for name, values in parameters.items():
+            self.start(name, values)
+
     def stop_all(self) -> None:
         self.stopped += 1
 
