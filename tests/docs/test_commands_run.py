@@ -20,7 +20,7 @@ from .pages import PAGES, ROOT, commands_in_blocks
 NOT_RUN = {
     r"sudo |echo .*\| sudo": "changes the machine",
     r"candump |firmware/out/|.*--channel ": "needs a bus; tests/system",
-    r"./pam (driver|control|sim) node |./pam gap (monitor|play) ": "is a node; tests/system",
+    r"./pam (driver|control|robot|sim) node |./pam gap (monitor|play) ": "is a node; tests/system",
     r"(\w+=\S+ )?rosdep |colcon |source |export |ros2 ": "needs a ROS installation; tests/system",
     r"make |.*pam model compare |.*pytest |.*benchmarks/|.*pam demo ": "takes minutes",
     r".*pam check (blind|sensitivity) ": "takes hours",
