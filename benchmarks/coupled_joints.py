@@ -11,7 +11,9 @@ from __future__ import annotations
 
 import sys
 import timeit
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from limit import c_rates
@@ -35,7 +37,10 @@ EFFECTS = {"nominal": {}, "friction": {"coulomb_friction.torque": 0.6}}
 
 
 @entry_point
-def accelerations(times, links, gravity, q, v, scratch, mass, bias, state, factor, x):
+def accelerations(
+    times: int, links: Any, gravity: Any, q: Any, v: Any, scratch: Any, mass: Any, bias: Any,
+    state: Any, factor: Any, x: Any,
+) -> None:  # fmt: skip
     """Solve the equation of motion `times` times."""
     for _ in range(times):
         mass_and_bias(links, gravity, q, v, scratch, mass, bias)
@@ -45,19 +50,14 @@ def accelerations(times, links, gravity, q, v, scratch, mass, bias, state, facto
 def chain(count: int) -> list[Link]:
     """Rods of 0.3 m and 0.3 kg, whose hinges are turned by a right angle from one to the next."""
     turned = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-    rod = {
-        "mass": 0.3,
-        "centre": np.array([0.15, 0.0, 0.0]),
-        "inertia": 0.3 * 0.3**2 / 12.0 * np.diag([0.01, 1.0, 1.0]),
-    }
-    place = np.array([0.3, 0.0, 0.0])
-    return [
-        Link(i - 1, turned if i else np.eye(3), place if i else np.zeros(3), **rod)
-        for i in range(count)
-    ]
+    centre, place = np.array([0.15, 0.0, 0.0]), np.array([0.3, 0.0, 0.0])
+    inertia = 0.3 * 0.3**2 / 12.0 * np.diag([0.01, 1.0, 1.0])
+    first = Link(mass=0.3, centre=centre, inertia=inertia)
+    others = [Link(i, turned, place, 0.3, centre, inertia) for i in range(count - 1)]
+    return [first, *others]
 
 
-def shortest(call, repeats: int = REPEATS) -> float:
+def shortest(call: Callable[[], object], repeats: int = REPEATS) -> float:
     """Shortest time of a call [s], without its first one."""
     call()
     return min(timeit.repeat(call, number=1, repeat=repeats if HAVE_NUMBA else 2))
@@ -105,7 +105,7 @@ def _run(given: Arguments) -> Outcome:
     rows = []
     for name, effects in EFFECTS.items():
         for count in COUNTS:
-            row = {
+            row: dict[str, Any] = {
                 "effects": name,
                 "joints": count,
                 "motion_ns": 1e9 * motion_time(count),

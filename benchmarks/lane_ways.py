@@ -14,12 +14,15 @@ and the plant of the suite, whose loops over lanes are made from the source of i
 desktop processors have. The limit is C, scalar and with vectors.
 """
 
+# mypy: disable-error-code="untyped-decorator"
+
 from __future__ import annotations
 
 import operator
 import sys
 import timeit
 from pathlib import Path
+from typing import Any
 
 import numba
 import numpy as np
@@ -60,7 +63,9 @@ NUMBERS = np.array([101325.0, 701325.0, 287.05 * 293.15 * 1.185, 1.0, 200.0, 4e-
 
 
 @inlined
-def muscle(c, length, length_rate, command, spool, pressure):
+def muscle(
+    c: Any, length: Any, length_rate: Any, command: Any, spool: Any, pressure: Any
+) -> tuple[float, float, float]:
     """Pull, and rates of spool and pressure."""
     square = length * length
     volume = length * (c[B2] - square) * c[SCALE] + c[DEAD]
@@ -76,7 +81,7 @@ def muscle(c, length, length_rate, command, spool, pressure):
 
 
 @inlined
-def joint(c, u, y, dy):
+def joint(c: Any, u: Any, y: Any, dy: Any) -> None:
     """Write the rates of one joint."""
     turned, wound = c[RADIUS] * y[0], c[RADIUS] * y[1]
     first, dy[2], dy[3] = muscle(c, c[NEUTRAL] - turned, -wound, u[0], y[2], y[3])
@@ -89,16 +94,16 @@ def joint(c, u, y, dy):
 class LaneType(types.Type):
     """One lane of an array: entry i is at i * LANES + lane."""
 
-    def __init__(self, array):
+    def __init__(self, array: Any) -> None:
         self.array = array
         super().__init__(f"Lane({array})")
 
 
 @register_model(LaneType)
-class LaneModel(models.StructModel):
+class LaneModel(models.StructModel):  # type: ignore[misc]
     """Holds the array and the number of the lane."""
 
-    def __init__(self, manager, kind):
+    def __init__(self, manager: Any, kind: Any) -> None:
         super().__init__(manager, kind, [("array", kind.array), ("lane", types.intp)])
 
 
@@ -107,11 +112,11 @@ make_attribute_wrapper(LaneType, "lane", "lane")
 
 
 @intrinsic
-def lane_of(_context, array, _lane):
+def lane_of(_context: Any, array: Any, _lane: Any) -> Any:
     """One lane of an array, for compiled code."""
     kind = LaneType(array)
 
-    def generate(context, builder, _signature, arguments):
+    def generate(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
         view = cgutils.create_struct_proxy(kind)(context, builder)
         view.array, view.lane = arguments
         return view._getvalue()
@@ -120,45 +125,47 @@ def lane_of(_context, array, _lane):
 
 
 @overload(operator.getitem)
-def read_lane(view, i):
+def read_lane(view: Any, i: Any) -> Any:
     """Entry i of a lane."""
-    if isinstance(view, LaneType):
-        return lambda view, i: view.array[i * LANES + view.lane]
-    return None
+
+    def read(view: Any, i: Any) -> Any:
+        return view.array[i * LANES + view.lane]
+
+    return read if isinstance(view, LaneType) else None
 
 
 @overload(operator.setitem)
-def write_lane(view, i, value):
+def write_lane(view: Any, i: Any, value: Any) -> Any:
     """Write entry i of a lane."""
 
-    def write(view, i, value):
+    def write(view: Any, i: Any, value: Any) -> Any:
         view.array[i * LANES + view.lane] = value
 
     return write if isinstance(view, LaneType) else None
 
 
 @apart
-def rates_alone(c, u, y, dy):
+def rates_alone(c: Any, u: Any, y: Any, dy: Any) -> None:
     """One lane."""
     joint(c, u, y, dy)
 
 
 @apart
-def rates_of_slices(c, u, y, dy):
+def rates_of_slices(c: Any, u: Any, y: Any, dy: Any) -> None:
     """A loop over slices of arrays with two dimensions."""
     for lane in range(LANES):
         joint(c[:, lane], u[:, lane], y[:, lane], dy[:, lane])
 
 
 @apart
-def rates_of_views(c, u, y, dy):
+def rates_of_views(c: Any, u: Any, y: Any, dy: Any) -> None:
     """A loop over lane views."""
     for lane in range(LANES):
         joint(lane_of(c, lane), lane_of(u, lane), lane_of(y, lane), lane_of(dy, lane))
 
 
 @apart
-def move(y, dy, h, moved):
+def move(y: Any, dy: Any, h: Any, moved: Any) -> None:
     """Write a step with constant rates."""
     flat, rate, to = y.reshape(-1), dy.reshape(-1), moved.reshape(-1)
     for i in range(len(flat)):
@@ -166,7 +173,7 @@ def move(y, dy, h, moved):
 
 
 @apart
-def finish(y, k, h):
+def finish(y: Any, k: Any, h: Any) -> None:
     """Write a Runge-Kutta step."""
     flat = y.reshape(-1)
     a, b, c, d = k[0].reshape(-1), k[1].reshape(-1), k[2].reshape(-1), k[3].reshape(-1)
@@ -174,11 +181,11 @@ def finish(y, k, h):
         flat[i] += h / 6.0 * (a[i] + 2.0 * (b[i] + c[i]) + d[i])
 
 
-def measured(rates, lanes, *, flat) -> float:
+def measured(rates: Any, lanes: int, *, flat: bool) -> float:
     """Million steps/s of a batch whose rates are computed by a function for `lanes` lanes."""
 
     @apart
-    def run(c, u, y, k, moved, samples):
+    def run(c: Any, u: Any, y: Any, k: Any, moved: Any, samples: Any) -> None:
         for _ in range(samples * STEPS):
             rates(c, u, y, k[0])
             move(y, k[0], 0.5 * STEP, moved)
@@ -190,11 +197,11 @@ def measured(rates, lanes, *, flat) -> float:
             finish(y, k, STEP)
 
     @apart
-    def batch(c, u, ys, ks, moved, samples):
+    def batch(c: Any, u: Any, ys: Any, ks: Any, moved: Any, samples: Any) -> None:
         for i in range(len(ys)):
             run(c, u, ys[i], ks[i], moved[i], samples)
 
-    def made(rows):
+    def made(rows: Any) -> Any:
         wide = np.repeat(np.asarray(rows, dtype=float)[:, None], lanes, 1)
         return np.ascontiguousarray(wide.ravel() if flat else wide)
 
@@ -219,7 +226,7 @@ def of_the_suite(*, side_by_side: bool) -> float:
     (group,) = blocks_of_lanes(constants, [kernel], STEPS * STEP, STEP)
     plant = Plant(parameters, STEP)
 
-    def call():
+    def call() -> None:
         if side_by_side:
             simulate_block(
                 group, constants, tables, commands, states, outputs,

@@ -141,8 +141,10 @@ def measured_chain(seconds: float, *, align: bool, together: bool) -> list[float
         simulated(bus, jumping),
         Chain([ELBOW], bus, {**private_domain(), **CACHED}) as chain,
     ):
-        settings = {"activate_on_start": True, "plausibility": False, "rate": RATE, "align": align}
-        settings |= REALTIME["driver"]
+        settings: dict[str, bool | int | float | str] = {
+            "activate_on_start": True, "plausibility": False, "rate": RATE, "align": align,
+            **REALTIME["driver"],
+        }  # fmt: skip
         controller = {"loop.align": align, **REALTIME["controller"]}
         if together:
             driver = chain.start_robot({"driver": settings, "controller": controller})

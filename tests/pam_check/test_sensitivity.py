@@ -126,7 +126,7 @@ def test_a_change_is_counted_as_the_blind_check_counts(campaign: Path) -> None:
     assert "1/2 (was 2/2)" in to_markdown(rows)
 
 
-@pytest.mark.long("the tests beside it change some of the constants, and read the same table")
+@pytest.mark.long("the tests around it change some of the constants, and read the same table")
 def test_every_constant_has_its_rows_and_the_table_says_how(campaign: Path) -> None:
     assert main(["sensitivity", str(campaign)]) == 0
     rows = json.loads((campaign / "sensitivity.json").read_text())

@@ -52,8 +52,11 @@ def test_no_path_leads_from_a_stop_to_moving_air_without_clear_activate_and_a_co
     """Restarts of the driver and of the controller included, in every order."""
     found = walk(rig, REDUCED, one_process=one_process)
     assert not found.violations, "\n".join(map(str, found.violations))
-    assert found.moving > 20 and found.states > 500
-    assert {"active", "fault", "fault_lowering", "lowering", "vented"} <= set(found.driver_states)
+    # in one process the driver cannot lose its controller, which is what lowers here after a fault
+    least, moving = (300, 15) if one_process else (500, 20)
+    assert found.moving > moving and found.states > least
+    reached = {"active", "fault", "lowering", "vented"}
+    assert reached | (set() if one_process else {"fault_lowering"}) <= set(found.driver_states)
 
 
 def test_a_fault_that_is_forgotten_when_the_driver_ends_while_it_lowers_is_found(

@@ -157,11 +157,11 @@ def test_the_node_publishes_the_disturbance_of_the_joints_that_have_an_observer(
 
     node = SimpleNamespace(create_publisher=create_publisher, get_fully_qualified_name=lambda: "/c")
     topics = ControllerTopics(node, rig, 1)
-    channel = plain(rig).channels[0]
-    topics.publish(1_000, [channel])
+    rest = SimpleNamespace(position=0.0, velocity=0.0)
+    quiet = SimpleNamespace(reference=rest, torque=0.0, error=0.0, disturbance=math.nan)
+    topics.publish(1_000, [quiet])
     assert "~/disturbance" not in sent
-    channel.telemetry.disturbance = -1.5
-    topics.publish(2_000, [channel])
+    topics.publish(2_000, [SimpleNamespace(**{**vars(quiet), "disturbance": -1.5})])
     said = serialization.deserialize_message(sent["~/disturbance"], messages.JointState)
     assert list(said.name) == ["elbow"]
     assert list(said.effort) == [-1.5]

@@ -34,6 +34,10 @@ class LoggedChain:
         self.started.append((name, dict(parameters or {})))
         return SimpleNamespace(wait_for_output=lambda *_: None)
 
+    def start_robot(self, parameters: dict[str, Any]) -> None:
+        for name, values in parameters.items():
+            self.start(name, values)
+
     def stop_all(self) -> None:
         self.stopped += 1
 
@@ -148,3 +152,9 @@ def test_every_red_tile_has_a_sentence(figures, rate, told, tmp_path):
 def test_make_demo_asks_for_no_check():
     makefile = (Path(__file__).parents[2] / "Makefile").read_text()
     assert "\t@./pam demo\n" in makefile
+
+
+def test_a_rate_that_only_the_trial_kept_is_not_called_held() -> None:
+    assert rate_sentence(500.0, []).endswith("at 500 Hz, which this computer holds.")
+    late = rate_sentence(500.0, [], late=True)
+    assert "held in the trial, but not throughout" in late

@@ -48,7 +48,7 @@ def test_lengths_that_explain_little_are_not_told(
 
 
 @pytest.mark.long("a whole search, as the one below, which stays")
-def test_an_offset_is_named_beside_lengths_of_which_no_tolerance_is_stated(
+def test_an_offset_is_named_with_lengths_of_which_no_tolerance_is_stated(
     rig: Rig, record: Maker
 ) -> None:
     """Lengths within 5 % explained an offset of 0.06 rad, and the answer was `none`."""

@@ -216,7 +216,7 @@ def exchange(table: pd.DataFrame, what: str) -> pd.DataFrame:
     if what == "sign of the joint":
         table["joint_states.elbow.position"] *= -1.0
     elif what == "hoses":
-        names = {}
+        names: dict[str, str] = {}
         for channel in ("valve_commands.", "pressure_states."):
             names |= {channel + flexor: channel + extensor, channel + extensor: channel + flexor}
         table = table.rename(columns=names)

@@ -431,13 +431,14 @@ class Controller:
         """The output of a cycle, unless its telemetry shows that the joints have to stop."""
         joints = tuple(self.telemetry)
         output = ControlOutput(commands, joints=joints)
-        pressures = [measurement.pressures[i] for m in self._models for i in m.joint.muscles]
-        self.lowering.advance(time, self.settings.lowering_time, joints, pressures)
-        if self.lowering.phase is LoweringPhase.DONE:
-            self.guard.stopped = "lowered as asked for"
-            return self._stopped()
-        if self.lowering.phase is LoweringPhase.SINKING:
-            return output
+        if self.lowering.phase is not LoweringPhase.OFF:
+            pressures = [measurement.pressures[i] for m in self._models for i in m.joint.muscles]
+            self.lowering.advance(time, self.settings.lowering_time, joints, pressures)
+            if self.lowering.phase is LoweringPhase.DONE:
+                self.guard.stopped = "lowered as asked for"
+                return self._stopped()
+            if self.lowering.phase is LoweringPhase.SINKING:
+                return output
         match self.guard.judge(time, joints, self.settings.tracking_time, self.can_soften):
             case Verdict.SOFTEN if self.prepared.soft is not None:
                 self._apply(self.prepared.soft)

@@ -299,9 +299,10 @@ class JointChannel:
     ) -> tuple[Moment, Moment, tuple[Moment, Moment]]:
         """When the position was seen, when the pressures were true, and when the valves act."""
         models, sample, name = self.models, cycle.references.sample, self.models.name
-        now_at = measured_at - models.pressure_lag - self.late_pressures
+        delay = self._setup.law.delay(self._state)
+        now_at = measured_at - models.pressure_lag - max(-delay, 0.0)
         seen_at -= models.position_delay
-        seen_at -= self.late_position
+        seen_at -= max(delay, 0.0)
         delays, late = self._setup.acting_delays, self.late_commands
         acts = (cycle.time + delays[0] + late[0], cycle.time + delays[1] + late[1])
         now = Moment(now_at, sample(name, now_at))

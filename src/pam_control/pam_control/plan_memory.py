@@ -50,10 +50,10 @@ def remember(plans: Plans, plan: Plan, measured_at: float) -> Plans:
     Plans are deleted by age, not by number, because the delays of sensors and valves are given
     in seconds and the control cycle may be as short as 0.5 ms.
     """
-    first, kept = 0, (*plans, plan)
-    while len(kept) - first > 2 and kept[first + 1].time < measured_at - KEPT_BEFORE_MEASUREMENT:
+    first, oldest = 0, measured_at - KEPT_BEFORE_MEASUREMENT
+    while len(plans) - first > 1 and plans[first + 1].time < oldest:
         first += 1
-    return kept[first:]
+    return (*plans[first:], plan)
 
 
 def planned_rates(plans: Plans, times: Pair) -> Pair:

@@ -19,7 +19,7 @@ from typing import Any
 from rich.console import Console
 
 from pam_demo.chain import BusChoice, Chain, best_bus, private_domain
-from pam_demo.figures import evaluate, show, target_text
+from pam_demo.figures import TIMING, evaluate, show, target_text
 from pam_demo.loop_rate import (
     RATES,
     NotHeld,
@@ -298,7 +298,8 @@ def run(given: Arguments, open_player: OpenPlayer) -> Outcome:
     results = evaluate(bag, runs, {motion.name: motion for motion in motions}, rig, joint)
     (out / "figures.json").write_text(json.dumps(results.as_json(), indent=1))
     muscles = {name: rig.valve_kinds[name] for name in rig.joint(joint).muscles}
-    sentence = rate_sentence(results.rate, not_held, chosen=given.rate is not None)
+    late = any(figure.met is False for figure in results.figures if figure.key in TIMING)
+    sentence = rate_sentence(results.rate, not_held, chosen=given.rate is not None, late=late)
     page = write_page(out / "demo.html", results, str(bus), muscles, sentence)
     write_picture(out / "demo.png", results, muscles)
     show(results, Console())

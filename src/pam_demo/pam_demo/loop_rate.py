@@ -67,7 +67,9 @@ def judge(late: float) -> None:
         raise TooSlowError(f"{100.0 * late:.2g} % of the cycles were late")
 
 
-def rate_sentence(rate: float, not_held: Sequence[NotHeld], *, chosen: bool = False) -> str:
+def rate_sentence(
+    rate: float, not_held: Sequence[NotHeld], *, chosen: bool = False, late: bool = False
+) -> str:
     """What page and terminal say of the rate.
 
     Parameters
@@ -78,11 +80,17 @@ def rate_sentence(rate: float, not_held: Sequence[NotHeld], *, chosen: bool = Fa
         The rates that were tried before.
     chosen : bool
         The user named the rate, and nothing was tried.
+    late : bool
+        More cycles were late than the page allows, although the trial kept the rate.
     """
     if chosen:
         return f"The loops ran at {rate:g} Hz, as the option --rate asks."
     if not not_held:
-        return f"The loops ran at {rate:g} Hz, which this computer holds."
+        return f"The loops ran at {rate:g} Hz, which this computer " + (
+            "held in the trial, but not throughout: other programs keep it busy."
+            if late
+            else "holds."
+        )
     tried = " and ".join(f"{one.rate:g} Hz ({one.reason})" for one in not_held)
     return (
         f"This computer did not hold {tried}, so the loops ran at {rate:g} Hz; the targets of the "
