@@ -186,8 +186,8 @@ MISTAKES: dict[str, tuple[str, Change, str]] = {
     ),
     "unit unknown": (
         "flexor_pressure",
-        put("pressures/port/unit", "bars"),
-        "boards.flexor_pressure.pressures.port.unit = bars: unknown unit; did you mean bar?",
+        put("pressures/port/unit", "barr"),
+        "boards.flexor_pressure.pressures.port.unit = barr: unknown unit; did you mean bar?",
     ),
     "gauge or absolute not said": (
         "flexor_pressure",

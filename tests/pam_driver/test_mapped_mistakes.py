@@ -110,8 +110,8 @@ MISTAKES: dict[str, tuple[Change, str]] = {
         "maps this signal as well",
     ),
     "unknown unit": (
-        put(f"{A}/unit", "bars"),
-        f"{BOARD}.setpoints.port_a.unit = bars: unknown unit; did you mean bar?",
+        put(f"{A}/unit", "barr"),
+        f"{BOARD}.setpoints.port_a.unit = barr: unknown unit; did you mean bar?",
     ),
     "unit of nothing known": (
         put(f"{A}/unit", "torr"),

@@ -33,6 +33,7 @@ from pam_gap.live import monitor_node
 from pam_model import argument_types, model_node
 from pam_model.__main__ import main as pam_model
 from pam_model.command_line import Command
+from pam_robot.__main__ import _node as robot_node
 from pam_ros.program_name import PROGRAM
 from pam_sim import rig_node
 from pam_sim.__main__ import main as pam_sim
@@ -59,6 +60,7 @@ NODES = {
     "driver": driver_node.main,
     "controller": controller_node.main,
     "model": model_node.main,
+    "robot": robot_node,
     "rig": rig_node.main,
     "monitor": monitor_node.main,
     "play": play_node.main,
@@ -152,9 +154,9 @@ def test_a_tool_tells_its_version_with_and_without_a_command(tool, capfd):
 
 
 def test_every_package_with_a_program_is_tried_here():
-    """The controller is a node alone."""
+    """The controller is a node alone, and so is the robot."""
     programs = {name.split(".")[0] for name in modules() if name.endswith(".__main__")}
-    assert programs - {"pam_control", "pam_cli"} == set(TOOLS)
+    assert programs - {"pam_control", "pam_robot", "pam_cli"} == set(TOOLS)
 
 
 def test_pam_names_every_tool_and_runs_its_commands(capfd):
@@ -211,6 +213,7 @@ def test_every_argument_refuses_what_it_cannot_use(tool, command, tmp_path, capf
 
 # what else a command needs before it reads its --rig
 BESIDE_A_RIG = {
+    "calibrate": [str(ELBOW), "--out", "out"],
     "diagnose": [str(ELBOW), "--out", "out"],
     "fleet": [".", "--out", "out"],
     "fuzz": ["frames"],
@@ -372,7 +375,9 @@ def test_help_of_a_node_tells_parameters_topics_and_an_example(node, capfd):
     assert NODES[node](["--help"]) == 0
     told = capfd.readouterr()
     assert told.err == ""
-    for text in (f"usage: {PROGRAM} ", "subscribes:", "publishes:", "parameters:", "example:"):
+    # a robot is three nodes, and names them in place of their topics
+    topics = ("their own --help",) if node == "robot" else ("subscribes:", "publishes:")
+    for text in (f"usage: {PROGRAM} ", *topics, "parameters:", "example:"):
         assert text in told.out
     assert "docs/rig_file.md" in told.out
 
