@@ -43,7 +43,7 @@ HELP: Final = NodeHelp(
     "Topics, services and parameters are those of the nodes, which their own --help lists.",
     parameters=(),
     other_keys="the parameters of pam_driver, pam_controller and pam_model, each in the section of "
-    "its node or as -p NODE:NAME:=VALUE, and the keys of the rig file",
+    "its node or as -p NODE:NAME:=VALUE, and the keys of the rig file (docs/rig_file.md)",
     example="--ros-args --params-file config/elbow.yaml -p pam_driver:bus.channel:=can0",
 )
 
