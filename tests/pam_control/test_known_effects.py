@@ -270,12 +270,12 @@ def test_gain_design_sees_what_changes_the_loop(rig, effect, values):
     # made anew, since the guard may have softened the gains of a controller that has run
     nominal = Controller(rig, TIGHT)
     knowing = Controller(told(rig, effect, values), TIGHT)
-    channel, settings = knowing.channels[0], knowing.settings
-    cases = knowing.cases(channel, nominal.settings)
-    timing = knowing.timing(channel, nominal.settings)
+    models, design, settings = knowing.channels[0].models, knowing.design, knowing.settings
+    cases = design.cases(models, nominal.settings)
+    timing = design.timing(models, nominal.settings)
     gains = nominal.settings.gains["elbow"]
     kept = worst(cases, timing, gains)
-    designed = worst(knowing.cases(channel, settings), timing, settings.gains["elbow"])
+    designed = worst(design.cases(models, settings), timing, settings.gains["elbow"])
     assert settings.gains["elbow"] != gains
     assert designed > kept
     assert designed[0]
