@@ -293,8 +293,8 @@ def test_says_that_gains_are_designed_and_how_long_it_took(domain, tmp_path):
             end(process)
     assert all(f"designing the gains of elbow; designs of earlier starts are in {tmp_path}" in text
                for text in said)  # fmt: skip
-    assert re.search(r"designing the gains .*gains took \d+\.\d s: 2 designed", said[0], re.DOTALL)
-    assert re.search(r"gains took \d+\.\d s: 0 designed, 2 read from an earlier start", said[1])
+    assert re.search(r"designing the gains .*gains took \d+\.\d s: 4 designed", said[0], re.DOTALL)
+    assert re.search(r"gains took \d+\.\d s: 0 designed, 4 read from an earlier start", said[1])
 
 
 @pytest.mark.rerun_because(HOST_STALLS)

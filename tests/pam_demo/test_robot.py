@@ -36,5 +36,5 @@ def test_the_robot_is_ready_to_move_and_ends_at_a_signal(tmp_path, ros_environme
     robot.send_signal(signal.SIGTERM)
     robot.communicate(timeout=60.0)
     assert robot.returncode == 0
-    assert {path.stem for path in tmp_path.iterdir()} == {"rig", "driver", "controller", "model"}
-    assert "active: valves follow" in (tmp_path / "driver.log").read_text()
+    assert {path.stem for path in tmp_path.iterdir()} == {"rig", "robot"}
+    assert "active: valves follow" in (tmp_path / "robot.log").read_text()
