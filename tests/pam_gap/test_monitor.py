@@ -121,7 +121,7 @@ def test_node_reports_on_diagnostics(
     heard = probe.listen(DiagnosticArray, "/diagnostics")
     node = subprocess.Popen(
         [sys.executable, "-m", "pam_gap", "monitor", "--ros-args", "--params-file", str(ELBOW),
-         "-p", "window:=2.0", "-p", "period:=0.5"],
+         "-p", "window:=3.0", "-p", "period:=0.5"],
         env=os.environ | ros_environment | {"NUMBA_NUM_THREADS": "1"},
         stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
