@@ -38,6 +38,7 @@ def asked_for_from(domain: int) -> int:
     return int(ended.stdout)
 
 
+@pytest.mark.system  # other tests take domains at the same time
 @pytest.mark.skipif(sys.platform != "linux", reason="names that end with their process are Linux's")
 def test_another_process_gets_another_domain(domain):
     assert asked_for_from(domain) != domain

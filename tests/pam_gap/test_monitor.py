@@ -110,6 +110,19 @@ def test_a_wild_stamp_is_a_problem_and_passes() -> None:
     assert "received so far" in window.gap(0).problem
 
 
+@pytest.mark.parametrize("wild", [1e308, -1e308, math.inf, math.nan])
+def test_a_wild_value_is_missing_and_no_error(wild: float) -> None:
+    rig, window = Rig({}), LiveWindow(load_rig(ELBOW), 5.0)
+    for k in range(2000):
+        commands, (q, a, b) = rig.step()
+        window.take(COMMANDS, rig.time, MUSCLES, commands)
+        window.take(PRESSURES, rig.time, MUSCLES, (wild if k % 500 == 7 else a, b))
+        window.take(JOINTS, rig.time, ["elbow"], (wild if k % 500 == 9 else q,))
+    gap = window.gap(0)
+    assert gap.figures, gap.problem
+    assert all(math.isfinite(one.error) for one in gap.figures), gap
+
+
 @pytest.mark.system
 def test_node_reports_on_diagnostics(
     probe: Any, ros_environment: dict[str, str], patience: float

@@ -29,6 +29,7 @@ from pam_robot.robot_node import NODES, RobotNodes  # noqa: E402
 from pam_ros.errors import ParameterError  # noqa: E402
 from pam_ros.node_arguments import arguments_by_node  # noqa: E402
 from pam_ros.start import start_ros  # noqa: E402
+from pam_ros.unforeseen import raise_handed_over  # noqa: E402
 from pam_sim.boards.protocol import BoardSettings  # noqa: E402
 from pam_sim.rig_loop import RigLoop  # noqa: E402
 from pam_sim.simulated_rig import SimulatedRig  # noqa: E402
@@ -222,6 +223,8 @@ def test_an_exception_of_the_controller_is_a_fault_that_the_boards_keep(robot: R
     assert {fault.kind for fault in robot.driver.faults} == {"internal_error"}
     assert "of the test" in robot.driver.faults[0].text
     robot.until(lambda: robot.driver.boards_keep_fault, "the boards keep it")
+    with pytest.raises(RuntimeError, match="of the test"):  # what the program ends with
+        raise_handed_over()
 
 
 def test_a_cycle_that_does_not_return_vents_at_once(robot: Robot) -> None:

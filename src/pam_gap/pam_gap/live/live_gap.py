@@ -7,6 +7,7 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
@@ -29,6 +30,7 @@ from pam_model.rig import Rig
 SHORTEST = DEFAULT.prediction.settling + 1.0  # s, of a window that can be judged
 TIGHT = 0.01  # s, horizon with which pressures follow the measured ones
 WATCHED = HORIZONS[:2]
+LARGEST: Final = 1e12  # Pa or rad; no sensor shows more, and the square of 1e308 is no number
 MOST_KEPT = 100_000
 """Largest number of samples kept for a channel, even if their stamps do not advance."""
 
@@ -116,7 +118,7 @@ class LiveWindow:
                 kept = self._samples.setdefault(channel, deque(maxlen=MOST_KEPT))
                 if kept and stamp < kept[-1][0] - self.length:
                     kept.clear()  # the clock was set back
-                kept.append((stamp, float(value)))
+                kept.append((stamp, value if abs(value) <= LARGEST else math.nan))
                 while kept[-1][0] - kept[0][0] > self.length:
                     kept.popleft()
 
