@@ -41,34 +41,27 @@ MOVED = {
 }
 
 
-def _diagnose(given: Arguments) -> Outcome:
-    from pam_gap.diagnosis_files import run  # noqa: PLC0415  (scipy, numba)
-
-    return run(given)
-
-
-def _declare_diagnose(parser: Parser) -> None:
+def _add_recordings(
+    parser: Parser, metavar: str, nargs: str, more: tuple[tuple[str, str], ...]
+) -> None:
+    """The recordings of one rig, and further ones under other conditions."""
     parser.add_argument(
         "recordings",
-        nargs="*",
+        nargs=nargs,
         type=input_path,
-        metavar="RECORDING",
+        metavar=metavar,
         help="bag, CSV(.gz), Parquet, NPZ, MAT, HDF5 or JSON; several of one rig may be given",
     )
     add_rig(parser, required=True)
     parser.add_argument("--out", type=output_folder, required=True, help="folder for the results")
     parser.add_argument("--joint", help="only this joint")
-    for name, text in (
-        ("--turned-over", "with the joint mounted upside down (reversed gravity)"),
-        ("--locked", "with the joint locked at one angle"),
-        ("--shut", "with both valves shut and the joint moved by an external torque"),
-    ):
+    for name, text in more:
         parser.add_argument(
             name,
             nargs="+",
             type=input_path,
             default=[],
-            metavar="RECORDING",
+            metavar=metavar,
             help=f"more recordings, {text}",
         )
     parser.add_argument(
@@ -77,6 +70,39 @@ def _declare_diagnose(parser: Parser) -> None:
         metavar="FILE",
         help="names, units, scales and signs of the columns of tables (docs/any_log.md)",
     )
+
+
+def _add_work(parser: Parser, usual: str) -> None:
+    """How many simulations run at once, and whether progress is shown."""
+    parser.add_argument(
+        "--threads",
+        type=count(0),
+        default=0,
+        metavar="N",
+        help=f"simulations at once (default: 0, {usual})",
+    )
+    parser.add_argument(
+        "--no-progress", action="store_true", help="show no progress bar, not even on a terminal"
+    )
+
+
+def _diagnose(given: Arguments) -> Outcome:
+    from pam_gap.diagnosis_files import run  # noqa: PLC0415  (scipy, numba)
+
+    return run(given)
+
+
+def _declare_diagnose(parser: Parser) -> None:
+    _add_recordings(
+        parser,
+        "RECORDING",
+        "*",
+        (
+            ("--turned-over", "with the joint mounted upside down (reversed gravity)"),
+            ("--locked", "with the joint locked at one angle"),
+            ("--shut", "with both valves shut and the joint moved by an external torque"),
+        ),
+    )
     parser.add_argument(
         "--material",
         type=number("", least=0.0, most=0.5),
@@ -84,16 +110,7 @@ def _declare_diagnose(parser: Parser) -> None:
         metavar="SHARE",
         help="share of the motion below which a gap does not matter (default: 0.001)",
     )
-    parser.add_argument(
-        "--threads",
-        type=count(0),
-        default=0,
-        metavar="N",
-        help="simulations at once (default: 0, one per processor)",
-    )
-    parser.add_argument(
-        "--no-progress", action="store_true", help="show no progress bar, not even on a terminal"
-    )
+    _add_work(parser, "one per processor")
     parser.add_argument(
         "--keep-evidence",
         action="store_true",
@@ -119,28 +136,18 @@ def _calibrate(given: Arguments) -> Outcome:
 
 
 def _declare_calibrate(parser: Parser) -> None:
-    parser.add_argument(
-        "recordings",
-        nargs="+",
-        type=input_path,
-        metavar="LOG",
-        help="bag, CSV(.gz), Parquet, NPZ, MAT, HDF5 or JSON; several of one rig may be given",
+    _add_recordings(
+        parser,
+        "LOG",
+        "+",
+        (
+            (
+                "--withheld",
+                "that take no part in the fit (default: the last part of the longest log)",
+            ),
+            ("--turned-over", "with the joint mounted upside down (reversed gravity)"),
+        ),
     )
-    add_rig(parser, required=True)
-    parser.add_argument("--out", type=output_folder, required=True, help="folder for the results")
-    parser.add_argument("--joint", help="only this joint")
-    for name, text in (
-        ("--withheld", "that take no part in the fit (default: the last part of the longest log)"),
-        ("--turned-over", "with the joint mounted upside down (reversed gravity)"),
-    ):
-        parser.add_argument(
-            name,
-            nargs="+",
-            type=input_path,
-            default=[],
-            metavar="LOG",
-            help=f"more recordings, {text}",
-        )
     for option, usual, text in (
         ("--tolerance", 1.0 / 3.0, "how far a plain number of the rig file may be off, relative"),
         ("--length-tolerance", 0.05, "the same for lengths, turns and the supply pressure"),
@@ -152,22 +159,7 @@ def _declare_calibrate(parser: Parser) -> None:
             metavar="SHARE",
             help=f"{text} (default: {usual:.2g})",
         )
-    parser.add_argument(
-        "--map",
-        type=input_file,
-        metavar="FILE",
-        help="names, units, scales and signs of the columns of tables (docs/any_log.md)",
-    )
-    parser.add_argument(
-        "--threads",
-        type=count(0),
-        default=0,
-        metavar="N",
-        help="simulations at once (default: 0, one)",
-    )
-    parser.add_argument(
-        "--no-progress", action="store_true", help="show no progress bar, not even on a terminal"
-    )
+    _add_work(parser, "one")
 
 
 def _fleet(given: Arguments) -> Outcome:
