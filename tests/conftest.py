@@ -7,6 +7,7 @@ import os
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import hypothesis
 import pytest
@@ -18,6 +19,9 @@ from support.frames import FrameListener
 from support.long_run import mark_the_long_run
 from support.probe import Probe
 from support.rigs import ELBOW
+
+if TYPE_CHECKING:
+    from pam_control.feedback.kept_designs import KeptDesigns
 
 # before rclpy reads it; the processes inherit it
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
@@ -80,12 +84,12 @@ def make_rig(rig):
 
 
 @pytest.fixture(scope="session")
-def shared_designs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+def shared_designs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[KeptDesigns]:
     """Joints of equal tasks are designed once for all tests, and for all of their processes.
 
     Only controllers share that are given no store of designs.
     """
-    from pam_control import loop_design
+    from pam_control import controller
     from pam_control.feedback.kept_designs import KeptDesigns
 
     folder = tmp_path_factory.getbasetemp()
@@ -93,8 +97,8 @@ def shared_designs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
         folder = folder.parent
     store = KeptDesigns(folder / "designs")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(loop_design, "KeptDesigns", lambda: store)
-        yield
+        patch.setattr(controller, "KeptDesigns", lambda: store)
+        yield store
 
 
 @pytest.fixture(scope="session")
