@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import os
+import re
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -36,8 +37,17 @@ hypothesis.settings.load_profile("any_host")
 
 @pytest.hookimpl(tryfirst=True)  # before pytest selects by `-m`
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark the long run, and try those tests up to three times that say why they may fail."""
+    """Mark the long run, and try those tests up to three times that say why they may fail.
+
+    Raises
+    ------
+    pytest.UsageError
+        For a marker without its reason, or one that `tools/test.sh` does not find.
+    """
     mark_the_long_run(items)
+    for path in {item.path for item in items if item.get_closest_marker("system")}:
+        if not re.search(r"\bsystem\b", path.read_text(encoding="utf-8")):
+            raise pytest.UsageError(f"{path}: tools/test.sh looks for `system` in the file itself")
     for item in items:
         marker = item.get_closest_marker("rerun_because")
         if marker is None:
