@@ -113,7 +113,7 @@ def every_node(folder: Path) -> Iterator[dict[str, Callable[[], Any]]]:
             "MarkersNode": MarkersNode,
             "ViewerNode": lambda: ViewerNode("", RobotView(rig, Nothing())),
             "PlayerNode": lambda: PlayerNode(rig.joint_names),
-            "FaultOperator": lambda: FaultOperator(rig.joint_names, port),
+            "FaultOperator": lambda: FaultOperator(rig, port),
             "LifecycleCycler": LifecycleCycler,
             "TopicAttacker": lambda: TopicAttacker(rig, 0, Attack()),
             "Recorder": recorder,

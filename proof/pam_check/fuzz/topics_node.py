@@ -25,13 +25,12 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 
 from pam_check.endurance.process_use import use_of
-from pam_check.faults.process_campaign import OpenOperator, Operator
+from pam_check.faults.process_campaign import OpenOperator, Operator, start_nodes
 from pam_check.faults.rig_bounds import bounds_of
 from pam_check.fuzz.messages import Messages
 from pam_check.programs import DIAGNOSIS
 from pam_demo.chain import Chain, multicast_bus, private_domain
 from pam_demo.processes import NodeProcess, ProcessError
-from pam_demo.programs import MODULES
 from pam_driver.can_bus.bus import open_bus
 from pam_model.command_line import Arguments, Outcome, chosen_rig
 from pam_model.errors import PamError
@@ -185,6 +184,8 @@ def attack_chain(
     seed: int,
     open_operator: OpenOperator,
     others: Mapping[str, tuple[str, Sequence[str]]] | None = None,
+    *,
+    one_process: bool = False,
 ) -> Attack:
     """Start a chain, attack it and end it.
 
@@ -200,6 +201,8 @@ def attack_chain(
         Makes the operator who moves the arm.
     others : mapping, optional
         Further processes: name -> module and arguments.
+    one_process : bool, optional
+        Driver, model and controller are one program.
 
     Raises
     ------
@@ -211,11 +214,10 @@ def attack_chain(
     port = open_bus(bus.interface, bus.channel, port=bus.port)
     try:
         with (
-            open_operator(rig.joint_names, port, environment) as operator,
+            open_operator(rig, port, environment) as operator,
             Chain([rig_path], bus, environment) as chain,
         ):
-            for name in MODULES:
-                chain.start(name)
+            start_nodes(chain, one_process=one_process)
             for name, (module, arguments) in (others or {}).items():
                 chain.processes[name] = NodeProcess(
                     module, environment=environment, arguments=arguments
@@ -315,7 +317,9 @@ def run(given: Arguments, open_operator: OpenOperator) -> Outcome:
             "monitor": (DIAGNOSIS, ("monitor", "--ros-args", "--params-file", str(rig))),
             "record": (DIAGNOSIS, ("record", "--rig", str(rig), "--out", bag)),
         }
-        attack = attack_chain(rig, given.seconds, given.seed, open_operator, others)
+        attack = attack_chain(
+            rig, given.seconds, given.seed, open_operator, others, one_process=given.one_process
+        )
     for line in figures(attack):
         print(line)
     return Outcome({"sent": attack.sent.total(), "malformed": attack.malformed}, attack.problems)
