@@ -16,7 +16,7 @@ from std_msgs.msg import Bool
 
 from pam_driver.driver import Driver
 from pam_driver.driver_parameters import PEOPLE_TOPICS
-from pam_driver.safety.command_intake import CommandError, NamedCommand
+from pam_driver.safety.command_intake import CommandRefusedError, NamedCommand
 from pam_model.rig import People
 from pam_ros.joint_state_bytes import JointStateFields, JointStateReader
 from pam_ros.polled_topic import PolledTopic
@@ -93,7 +93,7 @@ class DriverInputs:
             try:
                 driver.set_commands(command, arrived)
                 return
-            except CommandError as error:
+            except CommandRefusedError as error:
                 reason = str(error)
         self._node.get_logger().warning(
             f"valve_commands refused: {reason}", throttle_duration_sec=1.0
