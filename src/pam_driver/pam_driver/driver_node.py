@@ -24,6 +24,7 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.experimental import EventsExecutor
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
+from rclpy.node import Node
 from std_srvs.srv import Trigger
 
 from pam_driver.boards.weaker_promises import weaker_promises
@@ -151,7 +152,11 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         self.polled_topics = self._inputs.topics
         self.create_service(Trigger, "~/vent", self._on_vent)
         self.create_service(Trigger, "~/clear_faults", self._on_clear_faults)
-        self._state_topic = DriverStateTopic(self, None if partner is None else partner.hear_state)
+        self._state_topic = DriverStateTopic(
+            self.get_name(),
+            partial(Node.create_publisher, self),
+            None if partner is None else partner.hear_state,
+        )
         self._publish_state()
         self.steady_timers = SteadyTimers()
         self.steady_timers.add(_WATCH_PERIOD, self._watch)

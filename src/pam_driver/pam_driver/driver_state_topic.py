@@ -6,7 +6,6 @@ from collections.abc import Callable
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from rclpy.node import Node
 from std_msgs.msg import String
 
 from pam_driver.safety.states import LAMPS, SafetyState
@@ -18,8 +17,11 @@ class DriverStateTopic:
 
     Parameters
     ----------
-    node : Node
-        The driver's node.
+    name : str
+        Of the driver's node.
+    create_publisher : callable
+        Creates a plain publisher of the node: that of a lifecycle node is silent until the node is
+        active.
     also : callable, optional
         Is given every message on `~/state` as well.
 
@@ -29,11 +31,15 @@ class DriverStateTopic:
         The last message on `~/state`, for people.
     """
 
-    def __init__(self, node: Any, also: Callable[[Any], object] | None = None) -> None:
-        # plain publishers: that of a lifecycle node is silent until the node is active
-        self._states = Node.create_publisher(node, DiagnosticStatus, "~/state", LATCHED)
-        self._lamps = Node.create_publisher(node, String, "~/lamp", LATCHED)
-        self._name = node.get_name()
+    def __init__(
+        self,
+        name: str,
+        create_publisher: Callable[..., Any],
+        also: Callable[[Any], object] | None = None,
+    ) -> None:
+        self._states = create_publisher(DiagnosticStatus, "~/state", LATCHED)
+        self._lamps = create_publisher(String, "~/lamp", LATCHED)
+        self._name = name
         self._also = also
         self.text = self._lamp = ""
         self._activation = 0
