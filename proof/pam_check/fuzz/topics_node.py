@@ -54,6 +54,7 @@ KEPT: Final = 100
 NEW: Final = 0.1
 # What the first asks for really happens in the simulated rig, and by the others the arm is watched.
 _MALFORMED_ALONE: Final = ("/inject_fault", "/ground_truth/")
+_WORD: Final = 4  # bytes; RTPS aligns what it sends to them
 _NOT_ATTACKED: Final = ("/rosout", "/parameter_events")
 # The greatest speed and angle are those of the rig file; the driver needs time to stop the arm.
 _MARGIN: Final = 1.1
@@ -165,7 +166,7 @@ class TopicAttacker(Node):  # type: ignore[misc]
             return self._draw.choice(kept)
         while True:
             data = self._messages.data(kind)
-            bad = _is_malformed(data, kind)
+            bad = is_malformed(data, kind)
             if bad or not malformed_alone:
                 break
         if len(kept) >= KEPT:
@@ -174,9 +175,10 @@ class TopicAttacker(Node):  # type: ignore[misc]
         return data, bad
 
 
-def _is_malformed(data: bytes, kind: Any) -> bool:
+def is_malformed(data: bytes, kind: Any) -> bool:
+    """Whether every receiver must refuse it; the transport fills a message up to whole words."""
     try:
-        decode(data, kind)
+        decode(data + bytes(-len(data) % _WORD), kind)
     except MalformedMessageError:
         return True
     return False
