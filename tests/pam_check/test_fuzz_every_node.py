@@ -16,7 +16,7 @@ pytest.importorskip("rclpy")
 from rclpy.logging import LoggingSeverity
 from rclpy.serialization import serialize_message
 from rosbags.rosbag2 import StoragePlugin, Writer
-from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64
 
 from pam_bringup.viewer.markers_node import MarkersNode
 from pam_bringup.viewer.robot_view import RobotView
@@ -220,8 +220,8 @@ def test_a_subscription_without_the_decoder_is_found() -> None:
 
 def test_a_message_that_the_transport_completes_is_not_called_malformed() -> None:
     """RTPS fills a message up to whole words, so a few missing bytes arrive as zeros."""
-    whole = serialize_message(JointState(name=["elbow"], position=[0.1], effort=[1.0]))
-    assert not is_malformed(whole, JointState)
-    assert not is_malformed(whole[:-3], JointState)
-    assert is_malformed(whole[:-5], JointState)
-    assert is_malformed(whole[:8], JointState)
+    whole = serialize_message(Float64(data=0.1))[:12]
+    assert not is_malformed(whole, Float64)
+    assert not is_malformed(whole[:-3], Float64)
+    assert is_malformed(whole[:-5], Float64)
+    assert is_malformed(whole[:3], Float64)
