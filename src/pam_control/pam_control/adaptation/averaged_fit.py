@@ -42,7 +42,7 @@ from pam_control.adaptation.running_comparison import RunningComparison
 
 PIVOTS: Final = 6  # exchanges of what is at its bound; the last sets are nearly always right
 BELIEVED_FOR: Final = 0.25  # s of motion, for which the believed error counts
-FOLLOWS: Final = 0.2  # s of motion, in which the weights follow the fit
+FOLLOWS: Final = 0.3  # s of motion, in which the weights follow the fit
 
 Array = npt.NDArray[np.float64]
 
