@@ -67,6 +67,28 @@ class Loops:
         }
         return dataclasses.replace(self, settings=settings.replace(**kept))
 
+    def lowered(self, share: float) -> Loops:
+        """The loops with a share of the gains [-]; the integral gets its square.
+
+        A joint is stable without feedback: the muscles are its spring. So a smaller gain never
+        costs stability, and the integral's phase lag moves away from the crossover.
+        """
+        if share == 1.0:
+            return self
+        gains = {
+            name: schedule.changed(
+                lambda each: dataclasses.replace(
+                    each,
+                    proportional=share * each.proportional,
+                    integral=share * share * each.integral,
+                    derivative=share * each.derivative,
+                    observer=share * each.observer,
+                )
+            )
+            for name, schedule in self.settings.gains.items()
+        }
+        return dataclasses.replace(self, settings=self.settings.replace(gains=gains))
+
 
 @dataclass(frozen=True, slots=True)
 class PreparedSettings:
