@@ -187,7 +187,7 @@ class LoopGuard:
         for name, joint, watch in zip(self._names, joints, self._swinging, strict=True):
             if joint.law.yields or joint.law.driven:  # others move it
                 continue
-            seen = watch.update(time, joint.error, changes, rests)
+            seen = watch.update(time, joint.error, joint.motion.position, changes, rests)
             if seen is not None and time >= self._pause_until and verdict is Verdict.NOTHING:
                 verdict = self._answer(name, seen, joint.behind_tube, can_soften)
         if verdict is not Verdict.NOTHING:
