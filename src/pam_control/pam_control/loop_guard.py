@@ -66,7 +66,7 @@ class LoopGuard:
         self._swinging = [SwingWatch() for _ in joints]
         self._reversals = [Reversals() for _ in joints]
         self._names = [joint.name for joint in joints]
-        self._pause_until = -math.inf
+        self._pause_until = self._swings_fade_until = -math.inf
         self._gaps: deque[tuple[float, float]] = deque()
         self._tubes = [0 for _ in joints]  # muscles that were found to be behind one, by joint
         self._fading_until = [-math.inf for _ in joints]
@@ -77,7 +77,7 @@ class LoopGuard:
         """Forget everything, after someone has vented the driver."""
         self.softened = self.stopped = self.swings = ""
         self.gain_share, self._first_size = 1.0, math.inf
-        self._pause_until = -math.inf
+        self._pause_until = self._swings_fade_until = -math.inf
         self._gaps.clear()
         self._tubes = [0 for _ in self._names]
         self._fading_until = [-math.inf for _ in self._names]
@@ -188,9 +188,14 @@ class LoopGuard:
             if joint.law.yields or joint.law.driven:  # others move it
                 continue
             seen = watch.update(time, joint.error, joint.motion.position, changes, rests)
-            if seen is not None and time >= self._pause_until and verdict is Verdict.NOTHING:
+            fades = time < max(self._pause_until, self._swings_fade_until)
+            if seen is not None and not fades and verdict is Verdict.NOTHING:
                 verdict = self._answer(name, seen, joint.behind_tube, can_soften)
-        if verdict is not Verdict.NOTHING:
+        if verdict is Verdict.LOWER:  # the other watches go on
+            self._swings_fade_until = time + PAUSE
+            for watch in self._swinging:
+                watch.reset()
+        elif verdict is Verdict.SOFTEN:
             self._pause_until = time + PAUSE
             self.restart()
         return verdict
