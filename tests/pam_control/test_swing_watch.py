@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
+from pam_control.control_step import JointTelemetry, Motion
 from pam_control.controller import Controller
 from pam_control.feedback.swing_watch import Reversals, SwingWatch
-from pam_control.loop_guard import LEAST_SHARE
+from pam_control.loop_guard import PAUSE, LoopGuard, Verdict
+from pam_control.references.spline import JointReference
 from pam_control.references.trajectory import TrajectoryPoint
 from pam_control.settings import ControlSettings
 
@@ -162,7 +164,7 @@ def test_a_loop_with_a_long_delay_is_told_and_its_gains_are_lowered_until_it_res
     loop.run(2.0)
     assert np.ptp(loop.run(1.0).column(1)[-400:]) < 3e-3
     controller.drop_commands()
-    assert (guard.swings, guard.gain_share) == ("", 1.0)
+    assert (guard.swings, guard.lowered) == ("", 0)
     assert controller.channels[0].setup.gains.gains[0] == normal
 
 
@@ -174,4 +176,53 @@ def test_a_loop_without_one_is_not(closed_loop, rig, reaching):
     controller.references.follow(["elbow"], points, start=None, now=loop.time)
     loop.run(duration + 2.0)
     assert controller.guard.swings == ""
-    assert controller.guard.gain_share == 1.0 > LEAST_SHARE
+    assert controller.guard.lowered == 0
+
+
+def swinging(guard, behind_tube=0, steps=2, can_soften=True, size=lambda time: 6e-3):
+    """What the guard asks for, with the times [s], of a joint that swings at rest at 5 Hz."""
+    asked = []
+    for k in range(round(8.0 / PERIOD)):
+        time = k * PERIOD
+        error = 0.5 * size(time) * np.sin(2.0 * np.pi * 5.0 * time)
+        joint = JointTelemetry(
+            JointReference(0.0), Motion(-error, 0.0, time), error, behind_tube=behind_tube
+        )
+        verdict = guard.judge(time, [joint], 0.3, can_soften, steps)
+        if verdict is not Verdict.NOTHING:
+            asked.append((time, verdict))
+        if verdict is Verdict.STOP:
+            break
+    return asked
+
+
+def test_swings_that_go_on_lower_the_gains_then_bring_the_soft_ones_then_stop(rig):
+    guard = LoopGuard(Controller(rig, ControlSettings()).robot.joints)
+    asked = swinging(guard)
+    lower, soften = Verdict.LOWER, Verdict.SOFTEN
+    assert [verdict for _, verdict in asked] == [lower, lower, soften, Verdict.STOP]
+    times = [time for time, _ in asked]
+    assert times[0] < 3.0
+    assert np.diff(times).min() > PAUSE
+    assert "with soft gains it swings as widely" in guard.stopped
+    assert "5 Hz" in guard.swings
+
+
+def test_swings_that_soft_gains_have_made_smaller_go_on(rig):
+    guard = LoopGuard(Controller(rig, ControlSettings()).robot.joints)
+    asked = swinging(guard, steps=0, size=lambda time: 6e-3 if time < 1.5 else 4e-3)
+    assert [verdict for _, verdict in asked] == [Verdict.SOFTEN]
+    assert guard.stopped == ""
+
+
+def test_a_tube_that_was_found_is_the_likely_cause(rig):
+    guard = LoopGuard(Controller(rig, ControlSettings()).robot.joints)
+    swinging(guard, behind_tube=1)
+    assert "likely cause: a tube" in guard.swings
+
+
+def test_lowered_gains_are_safe_at_every_stiffness(rig):
+    prepared = Controller(rig, ControlSettings()).prepared
+    margins = [loops.margins[0][0].phase_margin for loops in prepared.lowered]
+    assert len(margins) == 2
+    assert min(margins) > prepared.normal.margins[0][0].phase_margin

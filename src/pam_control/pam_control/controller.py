@@ -196,7 +196,8 @@ class Controller:
         """The loops that the guard permits."""
         if self.guard.softened and self.prepared.soft is not None:
             return self.prepared.soft
-        return self.prepared.normal.lowered(self.guard.gain_share)
+        lower = (self.prepared.normal, *self.prepared.lowered)
+        return lower[min(self.guard.lowered, len(lower) - 1)]
 
     def _apply(self, loops: Loops) -> None:
         """Use these loops from the next step on, without a jump of the desired pressures."""
@@ -309,7 +310,7 @@ class Controller:
     def drop_commands(self) -> None:
         """Stop, and forget the stiffness that was commanded; references are dropped in any case."""
         self.deactivate()
-        changed = self.guard.softened or self.guard.gain_share < 1.0
+        changed = self.guard.softened or self.guard.lowered
         self.guard.clear()
         if changed:
             self._apply(self.prepared.normal)
@@ -446,7 +447,8 @@ class Controller:
                 return self._stopped()
             if self.lowering.phase is LoweringPhase.SINKING:
                 return output
-        match self.guard.judge(time, joints, self.settings.tracking_time, self.can_soften):
+        wait, steps = self.settings.tracking_time, len(self.prepared.lowered)
+        match self.guard.judge(time, joints, wait, self.can_soften, steps):
             case Verdict.LOWER | Verdict.SOFTEN:
                 self._apply(self._loops())
             case Verdict.STOP:

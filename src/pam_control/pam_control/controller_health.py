@@ -113,7 +113,7 @@ class ControllerHealth:
         guard = controller.guard
         values["soft gains because"] = guard.softened or "not used"
         values["swings"] = guard.swings or "none"
-        values["share of the gains because of swings [-]"] = guard.gain_share
+        values["gains lowered because of swings, times"] = guard.lowered
         values["stopped because"] = guard.stopped or "not stopped"
         values["lowering"] = controller.lowering.phase.value
         changes = self._changes

@@ -29,8 +29,6 @@ PAUSE = 0.6  # s after softening or a tube; what is under way with the old loops
 # because what one pause leaves has faded when the next one comes.
 MOST_STILL = 0.3
 GAP_MEMORY = 0.5  # s
-LOWERED = 0.6  # share of the gains that a step leaves
-LEAST_SHARE = 0.3  # of the gains; below it the safe ones are used
 
 
 class Verdict(Enum):
@@ -56,8 +54,8 @@ class LoopGuard:
         Why the safe gains are used, and why the controller has stopped; empty if it has not.
     swings : str
         Which joint has swung since the last vent, and why; empty if none has.
-    gain_share : float
-        Share of the normal gains that is to be used because of swings [-].
+    lowered : int
+        How often the gains are to be lowered because of swings.
     """
 
     def __init__(self, joints: Sequence[RobotJoint]) -> None:
@@ -71,12 +69,12 @@ class LoopGuard:
         self._tubes = [0 for _ in joints]  # muscles that were found to be behind one, by joint
         self._fading_until = [-math.inf for _ in joints]
         self.softened = self.stopped = self.swings = ""
-        self.gain_share, self._first_size = 1.0, math.inf  # the latter of the first swings, rad
+        self.lowered, self._first_size = 0, math.inf  # the latter of the first swings, rad
 
     def clear(self) -> None:
         """Forget everything, after someone has vented the driver."""
         self.softened = self.stopped = self.swings = ""
-        self.gain_share, self._first_size = 1.0, math.inf
+        self.lowered, self._first_size = 0, math.inf
         self._pause_until = self._swings_fade_until = -math.inf
         self._gaps.clear()
         self._tubes = [0 for _ in self._names]
@@ -127,6 +125,7 @@ class LoopGuard:
         joints: Sequence[JointTelemetry],
         tracking_time: float,
         can_soften: bool,
+        steps: int = 0,
     ) -> Verdict:
         """Judge the telemetry of a control cycle.
 
@@ -140,8 +139,10 @@ class LoopGuard:
             How long a tracking error may be above its limit [s].
         can_soften : bool
             Whether there are safe gains.
+        steps : int
+            How often the normal gains can be lowered.
         """
-        answer = self._answer_swings(time, joints, can_soften)
+        answer = self._answer_swings(time, joints, can_soften, steps)
         if answer is not Verdict.NOTHING:
             return answer
         for index, (joint, oscillation, tracking) in enumerate(
@@ -171,7 +172,7 @@ class LoopGuard:
         return Verdict.NOTHING
 
     def _answer_swings(
-        self, time: float, joints: Sequence[JointTelemetry], can_soften: bool
+        self, time: float, joints: Sequence[JointTelemetry], can_soften: bool, steps: int
     ) -> Verdict:
         """Tell small swings, and what has to be done against them."""
         pairs = zip(self._reversals, joints, strict=True)
@@ -190,7 +191,8 @@ class LoopGuard:
             seen = watch.update(time, joint.error, joint.motion.position, changes, rests)
             fades = time < max(self._pause_until, self._swings_fade_until)
             if seen is not None and not fades and verdict is Verdict.NOTHING:
-                verdict = self._answer(name, seen, joint.behind_tube, can_soften)
+                told = f"{name}: {_told(seen, joint.behind_tube)}"
+                verdict = self._answer(told, seen, can_soften, steps)
         if verdict is Verdict.LOWER:  # the other watches go on
             self._swings_fade_until = time + PAUSE
             for watch in self._swinging:
@@ -200,8 +202,7 @@ class LoopGuard:
             self.restart()
         return verdict
 
-    def _answer(self, name: str, seen: Swings, behind_tube: int, can_soften: bool) -> Verdict:
-        told = f"{name}: {_told(seen, behind_tube)}"
+    def _answer(self, told: str, seen: Swings, can_soften: bool, steps: int) -> Verdict:
         if not self.swings:
             self.swings, self._first_size = told, seen.size
         if self.softened:
@@ -209,8 +210,8 @@ class LoopGuard:
                 return Verdict.NOTHING
             self.stopped = f"{told}; with soft gains it swings as widely"
             return Verdict.STOP
-        if LOWERED * self.gain_share >= LEAST_SHARE:
-            self.gain_share *= LOWERED
+        if self.lowered < steps:
+            self.lowered += 1
             return Verdict.LOWER
         if not can_soften:
             return Verdict.NOTHING
