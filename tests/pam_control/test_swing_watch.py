@@ -10,6 +10,7 @@ from pam_control.loop_guard import PAUSE, LoopGuard, Verdict
 from pam_control.references.spline import JointReference
 from pam_control.references.trajectory import TrajectoryPoint
 from pam_control.settings import ControlSettings
+from pam_model.robot import compose
 
 PERIOD = 0.002
 STEP = 3.8e-4  # rad, of the encoder
@@ -197,7 +198,7 @@ def swinging(guard, behind_tube=0, steps=2, can_soften=True, size=lambda time: 6
 
 
 def test_swings_that_go_on_lower_the_gains_then_bring_the_soft_ones_then_stop(rig):
-    guard = LoopGuard(Controller(rig, ControlSettings()).robot.joints)
+    guard = LoopGuard(compose(rig).joints)
     asked = swinging(guard)
     lower, soften = Verdict.LOWER, Verdict.SOFTEN
     assert [verdict for _, verdict in asked] == [lower, lower, soften, Verdict.STOP]
@@ -209,14 +210,14 @@ def test_swings_that_go_on_lower_the_gains_then_bring_the_soft_ones_then_stop(ri
 
 
 def test_swings_that_soft_gains_have_made_smaller_go_on(rig):
-    guard = LoopGuard(Controller(rig, ControlSettings()).robot.joints)
-    asked = swinging(guard, steps=0, size=lambda time: 6e-3 if time < 1.5 else 4e-3)
+    guard = LoopGuard(compose(rig).joints)
+    asked = swinging(guard, steps=0, size=lambda time: 6e-3 if time < 1.0 else 4e-3)
     assert [verdict for _, verdict in asked] == [Verdict.SOFTEN]
     assert guard.stopped == ""
 
 
 def test_a_tube_that_was_found_is_the_likely_cause(rig):
-    guard = LoopGuard(Controller(rig, ControlSettings()).robot.joints)
+    guard = LoopGuard(compose(rig).joints)
     swinging(guard, behind_tube=1)
     assert "likely cause: a tube" in guard.swings
 
