@@ -83,11 +83,14 @@ def _add_body(world: ET.Element, joint: RobotJoint) -> None:
     body = ET.SubElement(
         world, "body", name=f"{joint.name}_link", pos=_text((0.0, BALANCED_LENGTH * joint.place, 0))
     )
-    friction = dry_friction_at_rest(joint)
-    ET.SubElement(
-        body, "joint", name=joint.name, axis="0 1 0", range=_text(joint.position_limits),
-        damping=_text((joint.viscous_friction,)), frictionloss=_text((friction,)), **_STIFF,
-    )  # fmt: skip
+    motion = {
+        "name": joint.name,
+        "axis": "0 1 0",
+        "range": _text(joint.position_limits),
+        "damping": _text((joint.viscous_friction,)),
+        "frictionloss": _text((dry_friction_at_rest(joint),)),
+    }
+    ET.SubElement(body, "joint", motion | _STIFF)
     centre = _text(rod.centre * part for part in rod.down)
     across, along = rod.inertia_across, rod.inertia_along
     ET.SubElement(
