@@ -40,7 +40,7 @@ ROS = {
 # others says so (`NEEDED_FOR`; Dask and rerun-sdk where they are imported).
 OPTIONAL = {
     "numba", "dask", "distributed", "rerun", "pyarrow", "backports", "bokeh", "canopen", "cantools",
-    "control", "rosbags",
+    "control", "rosbags", "gymnasium",
 }  # fmt: skip
 # declared although no file imports them
 USED_OTHERWISE = {
@@ -159,6 +159,7 @@ def test_a_wheel_requires_what_its_package_imports(package, monkeypatch):
     through_model = {"numba"}  # whoever simulates in Python alone does so through pam_model
     assert wanted - through_model <= offered
     only_extra = {
-        INDEX_NAMES.get(name, name) for name in ("numba", "dask", "distributed", "rerun", "pyarrow")
+        INDEX_NAMES.get(name, name)
+        for name in ("numba", "dask", "distributed", "rerun", "pyarrow", "gymnasium")
     }
     assert wanted - only_extra <= by_name

@@ -9,20 +9,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+from gymnasium.utils.env_checker import check_env
 
 from pam_model.errors import PamError
 from pam_model.plant.parameters import INDEX, PlantParameters
 from pam_model.plant.robot_plant import RobotPlant
 from pam_model.plant.simulate import vented_state
 from pam_model.rig import Rig, load_rig
+from pam_sim.environment import PER_JOINT, PamEnv, PamVectorEnv, Task
 from pam_sim.randomisation import Randomisation, Spread
 from support.rigs import ELBOW
-
-gym = pytest.importorskip("gymnasium", reason="pip install 'pam_sim[gymnasium]' for this test")
-
-from gymnasium.utils.env_checker import check_env  # noqa: E402
-
-from pam_sim.environment import PER_JOINT, PamEnv, PamVectorEnv, Task  # noqa: E402
 
 SHORT = Task(seconds=0.4, hold=0.2)
 

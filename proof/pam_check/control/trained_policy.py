@@ -29,7 +29,8 @@ from pam_gap.answer.page_style import PLOT_LOOK
 from pam_model.argument_types import make_parents
 from pam_model.command_line import Arguments, Outcome, chosen_rig, progress
 from pam_model.rig import Rig, load_rig
-from pam_sim import PamVectorEnv, Randomisation, Task
+from pam_sim.environment import PamVectorEnv, Task
+from pam_sim.randomisation import Randomisation
 
 Array = npt.NDArray[np.float64]
 
@@ -214,7 +215,7 @@ def _draw(path: Path, found: dict[str, list[Tried]]) -> None:
             motion.plot(time, runs[0].position[shown], label=name)
         motion.set(xlabel="time on the independent plant [s]", ylabel="angle [rad]")
         motion.legend(loc="upper right", fontsize="small", ncols=2)
-        for place, (name, runs) in enumerate(found.items()):
+        for place, runs in enumerate(found.values()):
             errors = [1e3 * run.rms for run in runs]
             bars.barh(place, np.mean(errors), color=f"C{place}", height=0.6)
             bars.plot(errors, [place] * len(errors), "k.", markersize=4)

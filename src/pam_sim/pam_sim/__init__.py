@@ -4,8 +4,6 @@ The public names, without ROS:
 
 - `SimulatedRig`: plant, sensors and boards; receives and sends frames.
 - `RigLoop`: runs a simulated rig in real time on a bus.
-- `PamEnv`, `PamVectorEnv`, `Task`: environments for Gymnasium, of one robot or of many at once.
-- `Randomisation`, `Spread`: how the numbers of their robots are drawn.
 
 The names are imported when they are first used, so that importing the package takes no time.
 """
@@ -15,19 +13,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from pam_sim.environment import PamEnv, PamVectorEnv, Task
-    from pam_sim.randomisation import Randomisation, Spread
     from pam_sim.rig_loop import RigLoop
     from pam_sim.simulated_rig import SimulatedRig
 
 __all__ = [
-    "PamEnv",
-    "PamVectorEnv",
-    "Randomisation",
     "RigLoop",
     "SimulatedRig",
-    "Spread",
-    "Task",
 ]
 
 
@@ -38,14 +29,6 @@ def __getattr__(name: str) -> Any:
             from pam_ros.version import installed_version
 
             return installed_version(__name__)
-        case "PamEnv" | "PamVectorEnv" | "Task":
-            from pam_sim import environment
-
-            return getattr(environment, name)
-        case "Randomisation" | "Spread":
-            from pam_sim import randomisation
-
-            return getattr(randomisation, name)
         case "RigLoop":
             from pam_sim import rig_loop
 

@@ -11,10 +11,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import Any
 
+import gymnasium as gym
 import numpy as np
 import numpy.typing as npt
+from gymnasium.spaces import Box
+from gymnasium.vector import AutoresetMode
+from gymnasium.vector.utils import batch_space
 
 from pam_model.bounds import within
 from pam_model.errors import PamError
@@ -24,16 +28,6 @@ from pam_model.plant.plant_batch import PlantBatch
 from pam_model.plant.simulate import vented_state
 from pam_model.rig import Rig
 from pam_sim.randomisation import Randomisation
-
-try:
-    import gymnasium as gym
-    from gymnasium.spaces import Box
-    from gymnasium.vector import AutoresetMode
-    from gymnasium.vector.utils import batch_space
-except ImportError as missing:
-    raise PamError(
-        "gymnasium is not installed; the environments need it: pip install 'pam_sim[gymnasium]'"
-    ) from missing
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
@@ -73,7 +67,7 @@ class Task:
         within("effort", self.effort, 0.0)
 
 
-class PamVectorEnv(gym.vector.VectorEnv[Array, Array, Array]):
+class PamVectorEnv(gym.vector.VectorEnv[Array, Array, Any]):
     """Many robots of one rig file, each with numbers of its own, stepped together.
 
     An action is a number between -1 and 1 for each muscle, joint after joint, agonist first: the
@@ -101,7 +95,7 @@ class PamVectorEnv(gym.vector.VectorEnv[Array, Array, Array]):
         For a rig of several joints with a supply that sags, because its joints share a reservoir.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {
+    metadata = {  # noqa: RUF012  (as gymnasium declares it)
         "render_modes": [],
         "autoreset_mode": AutoresetMode.NEXT_STEP,
     }
@@ -215,7 +209,7 @@ class PamVectorEnv(gym.vector.VectorEnv[Array, Array, Array]):
 class PamEnv(gym.Env[Array, Array]):
     """One robot of a rig file; parameters and errors as for `PamVectorEnv`."""
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": []}
+    metadata = {"render_modes": []}  # noqa: RUF012  (as gymnasium declares it)
 
     def __init__(
         self,
