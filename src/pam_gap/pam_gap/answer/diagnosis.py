@@ -7,8 +7,9 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from pam_gap.answer.notebook_view import as_html, numbers_of
 from pam_gap.answer.provenance import Provenance
 from pam_gap.experiments.next_experiment import Proposal
 from pam_gap.inference.confidence import Interval
@@ -18,6 +19,9 @@ from pam_gap.prediction.gap_figures import GapFigure
 from pam_gap.prediction.locate import Location
 from pam_gap.prediction.materiality import GapSize
 from pam_model.rig import Rig
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,6 +168,14 @@ class Diagnosis:
         """Of each effect that the answer names, see `cause_probabilities`."""
         named = {*self.effects, *(one for group in self.indistinguishable for one in group)}
         return cause_probabilities(self.probabilities, named)
+
+    def to_pandas(self) -> pd.DataFrame:
+        """The numbers of the named effects, see `notebook_view.numbers_of`."""
+        return numbers_of(self)
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows."""
+        return as_html(self)
 
     def to_json(self) -> dict[str, Any]:
         """The mapping that diagnosis.json holds."""
