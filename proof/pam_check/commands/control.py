@@ -172,7 +172,7 @@ def _declare_trained_policy(parser: Parser) -> None:
     parser.add_argument(
         "--generations",
         type=count(1),
-        default=25,
+        default=15,
         metavar="N",
         help="of the search for a policy (default: %(default)s)",
     )

@@ -99,9 +99,9 @@ class Search:
         How often.
     """
 
-    candidates: int = 48
-    robots: int = 4
-    generations: int = 25
+    candidates: int = 32
+    robots: int = 2
+    generations: int = 15
 
 
 def train(rig: Rig, randomisation: Randomisation, search: Search, seed: int) -> Array:
