@@ -22,7 +22,6 @@ from gymnasium.vector.utils import batch_space
 
 from pam_model.bounds import within
 from pam_model.errors import PamError
-from pam_model.plant import layout as lay
 from pam_model.plant.parameters import INDEX, PlantParameters
 from pam_model.plant.plant_batch import PlantBatch
 from pam_model.plant.simulate import vented_state
@@ -180,7 +179,7 @@ class PamVectorEnv(gym.vector.VectorEnv[Array, Array, Any]):
         readings = np.stack(
             [batch.step(commands[:, j]) for j, batch in enumerate(self._batches)], axis=1
         )
-        true = np.stack([batch.outputs[:, lay.O_POSITION] for batch in self._batches], axis=1)
+        true = np.stack([batch.positions for batch in self._batches], axis=1)
         error = self._targets - true
         reward = -(error**2).sum(axis=1) - self.task.effort * (given**2).sum(axis=1)
         self._at += 1

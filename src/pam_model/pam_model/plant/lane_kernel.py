@@ -60,6 +60,11 @@ def hold_own(
     active: int, c: Any, held: Any, commands: Any, now: float, step: float, sample_time: float
 ) -> None:
     """As `hold`, for all lanes, of which each has commands of its own: `commands[lane]`."""
+    if commands.shape[1] == 1:  # no past, so that none of the lanes has a delay
+        for lane in range(min(active, LANES)):
+            held[lane] = commands[lane, 0, 0]
+            held[LANES + lane] = commands[lane, 0, 1]
+        return
     for lane in range(active):
         for channel, muscle in ((0, AGONIST), (1, ANTAGONIST)):
             delay = c[(muscle + M_DELAY) * LANES + lane]

@@ -104,6 +104,11 @@ class PlantBatch:
         """The true quantities (n, n_outputs) after the last step, by layout.OUTPUT_NAMES."""
         return self._outputs.copy()
 
+    @property
+    def positions(self) -> Array:
+        """The true positions (n,) after the last step [rad]."""
+        return self._outputs[:, lay.O_POSITION].copy()
+
     def restart(self, chosen: npt.NDArray[np.bool_], values: Array, states: Array) -> None:
         """Begin anew with some of the joints.
 

@@ -208,6 +208,7 @@ class SensorBank:
         self._gain = self._k[:, K_GAIN:K_OFFSET:N_MUSCLE_SENSORS]
         self._bias = self._k[:, K_BIAS:K_OFFSET:N_MUSCLE_SENSORS]
         self._weights = np.array([[lag_weights(lag, self._period) for lag in row] for row in lags])
+        self._is_prompt = not (lags.any() or self._k[:, K_DELAY].any())
         late = self._k[:, K_DELAY] / self._period
         whole = np.floor(late).astype(int)
         self._share = late - whole
@@ -240,11 +241,13 @@ class SensorBank:
             Position [rad] and both gauge pressures [Pa]; only those of the chosen joints count.
         """
         signal = pressure_reading(pressures, self._gain, self._bias)
+        seen = position + self._k[:, K_OFFSET]
+        if self._is_prompt:
+            return np.concatenate([seen[:, None], signal], axis=1)
         keep, before, after = np.moveaxis(self._weights, -1, 0)
         output = keep * self._last_output + before * self._last_input + after * signal
         first = (self._fresh & chosen)[:, None]
         output = np.where(first, signal, output)
-        seen = position + self._k[:, K_OFFSET]
         moved = np.concatenate([self._positions[:, 1:], seen[:, None]], axis=1)
         moved = np.where(first, seen[:, None], moved)
         at = chosen[:, None]
