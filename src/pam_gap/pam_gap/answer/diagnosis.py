@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pam_gap.answer.notebook_view import as_html, numbers_of
+from pam_gap.answer.notebook_view import NumberRow, as_frame, as_html
 from pam_gap.answer.provenance import Provenance
 from pam_gap.experiments.next_experiment import Proposal
 from pam_gap.inference.confidence import Interval
@@ -170,12 +170,29 @@ class Diagnosis:
         return cause_probabilities(self.probabilities, named)
 
     def to_pandas(self) -> pd.DataFrame:
-        """The numbers of the named effects, see `notebook_view.numbers_of`."""
-        return numbers_of(self)
+        """The numbers of the named effects: value, ends of the 90 % interval, unit."""
+        return as_frame(self._number_rows())
 
     def _repr_html_(self) -> str:
         """What a notebook shows."""
-        return as_html(self)
+        gaps = [
+            (name, gap.before, gap.after, gap.floor, gap.unit) for name, gap in self.gap.items()
+        ]
+        return as_html(f"{self.joint}: {self.verdict}", self.sentence, self._number_rows(), gaps)
+
+    def _number_rows(self) -> list[NumberRow]:
+        return [
+            (
+                effect,
+                name,
+                found.interval.value,
+                found.interval.low,
+                found.interval.high,
+                found.unit,
+            )
+            for effect, numbers in self.parameters.items()
+            for name, found in numbers.items()
+        ]
 
     def to_json(self) -> dict[str, Any]:
         """The mapping that diagnosis.json holds."""
