@@ -204,7 +204,7 @@ def tried(
 
 def _draw(path: Path, found: dict[str, list[Tried]]) -> None:
     with mpl.rc_context(LOOK):
-        figure = Figure(figsize=(7.0, 4.6), layout="constrained")
+        figure = Figure(figsize=(6.0, 5.4), layout="constrained")
         FigureCanvasAgg(figure)
         motion, bars = figure.subplots(2, 1, height_ratios=[3, 2])
         shown = slice(0, round(8.0 / TASK.period))
@@ -214,13 +214,13 @@ def _draw(path: Path, found: dict[str, list[Tried]]) -> None:
         for name, runs in found.items():
             motion.plot(time, runs[0].position[shown], label=name)
         motion.set(xlabel="time on the independent plant [s]", ylabel="angle [rad]")
-        motion.legend(loc="upper right", fontsize="small", ncols=2)
+        motion.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
         for place, runs in enumerate(found.values()):
             errors = [1e3 * run.rms for run in runs]
             bars.barh(place, np.mean(errors), color=f"C{place}", height=0.6)
             bars.plot(errors, [place] * len(errors), "k.", markersize=4)
             bars.text(max(errors), place, f"  {np.mean(errors):.0f}", va="center")
-        bars.set_yticks(range(len(found)), list(found))
+        bars.set_yticks(range(len(found)), [name.replace(", ", ",\n") for name in found])
         bars.invert_yaxis()
         bars.set_xlabel("RMS error [mrad]; points: single trainings")
         bars.margins(x=0.15)
