@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import base64
-import io
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -24,6 +22,7 @@ from pam_demo.figures import (
     asked_stiffness,
     target_text,
 )
+from pam_demo.plots_in_page import WIDE, picture
 from pam_demo.recording import Array
 from pam_gap.answer.page_style import PLOT_LOOK
 from pam_gap.answer.user_units import told
@@ -34,7 +33,6 @@ ASKED = "#1d2433"
 PAIR = ("#c2452d", "#2d8a8a")
 POINTS = 1500  # per line: more than the page has pixels
 NARROW_POINTS = 600
-WIDE, NARROW = 10.4, 4.2  # in, widths of the plots for a desk and for a phone
 STYLE: Any = PLOT_LOOK | {  # matplotlib's own type lists every key
     "font.family": "sans-serif",
     "axes.labelcolor": "#5d6778",
@@ -153,18 +151,6 @@ def _histogram(results: Results, width: float = WIDE) -> Canvas:
     return canvas
 
 
-def _drawn(title: str, alt: str, draw: Callable[[float], Canvas]) -> dict[str, str]:
-    """What the page says and shows of a plot, for wide and for narrow screens."""
-    return {"title": title, "alt": alt, "wide": _svg(draw, WIDE), "narrow": _svg(draw, NARROW)}
-
-
-def _svg(draw: Callable[[float], Canvas], width: float) -> str:
-    with mpl.rc_context(STYLE):
-        buffer = io.BytesIO()
-        draw(width).savefig(buffer, format="svg", metadata={"Date": None})
-    return base64.b64encode(buffer.getvalue()).decode()
-
-
 def write_picture(path: Path, results: Results, muscles: Mapping[str, str]) -> Path:
     """Draw the arm's motion as one picture, which README shows.
 
@@ -239,10 +225,10 @@ def write_page(
     for motion in dict.fromkeys(play.motion.name for play in results.plays):
         plays = [play for play in results.plays if play.motion.name == motion]
         draw = partial(_motion_plot, plays, muscles)
-        plots.append(_drawn(plays[0].motion.title, _alt(plays), draw))
+        plots.append((plays[0].motion.title, picture(draw, _alt(plays), STYLE)))
     title = "Period of the controller loop"
     alt = f"{title}: histogram on a logarithmic scale; a line marks where a period counts as late."
-    plots.append(_drawn(title, alt, partial(_histogram, results)))
+    plots.append((title, picture(partial(_histogram, results), alt, STYLE)))
     by_key = {figure.key: figure for figure in results.figures}
     template = jinja2.Environment(autoescape=True).from_string(
         Path(__file__).with_name("page.html.j2").read_text(encoding="utf-8")
