@@ -34,5 +34,5 @@ def test_training_brings_the_joint_to_the_target_on_the_unseen_plant(rig: Rig) -
     numbers = train(rig, Randomisation(), Search(24, 1, 8), seed=3)
     trained = tried(numbers, rig, *true_rig(rig), 3, seconds=10.0)
     assert np.array_equal(untrained.target, trained.target)
-    assert trained.rms < 0.8 * untrained.rms
-    assert trained.settled < 0.05
+    assert trained.rms < 0.7 * untrained.rms
+    assert trained.settled < 0.5 * untrained.settled
