@@ -79,7 +79,8 @@ class Policy:
         d = ahead * target + error_gain * error + integral_gain * self.integral
         d = np.clip(d - damping * velocity, -MIDDLE, 1.0 - MIDDLE)
         opened = [valve * (MIDDLE + d - first), valve * (MIDDLE - d - second)]
-        return np.clip(np.stack(opened, axis=-1), -1.0, 1.0)
+        action: Array = np.clip(np.stack(opened, axis=-1), -1.0, 1.0)
+        return action
 
 
 START: Final = np.log([3.0, 0.2, 0.3, 0.3, 0.02])

@@ -22,7 +22,7 @@ from pam_demo.figures import (
     asked_stiffness,
     target_text,
 )
-from pam_demo.plots_in_page import WIDE, picture
+from pam_demo.plots_in_page import NARROW, WIDE, picture
 from pam_demo.recording import Array
 from pam_gap.answer.page_style import PLOT_LOOK
 from pam_gap.answer.user_units import told
@@ -54,7 +54,8 @@ HEADLINE = (
 
 def _line(axes: Axes, times: Array, values: Array, **style: Any) -> None:
     """Plot at most as many points as can be seen, keeping the extremes of each interval."""
-    points = NARROW_POINTS if axes.figure.get_figwidth() < WIDE else POINTS
+    inches = axes.figure.bbox.width / axes.figure.dpi
+    points = NARROW_POINTS if inches < 0.5 * (NARROW + WIDE) else POINTS
     if len(times) > points:
         width = -(-2 * len(times) // points)
         count = len(times) // width
