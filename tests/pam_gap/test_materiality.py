@@ -34,7 +34,7 @@ def decided(nominal: float, left: float, motion: float, share: float = 0.001) ->
     rules = changed("decision.material_share", share).decision
     judge = Judge(np.ones(3), np.ones(3, dtype=bool), rules, np.full(3, motion**2))
     tried = [score(("position_offset",), left), score(("leakage",), nominal)]
-    return judge.decide(score((), nominal), tried, lambda s: s)
+    return judge.decide(score((), nominal), tried)
 
 
 @pytest.mark.parametrize(
