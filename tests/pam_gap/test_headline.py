@@ -44,13 +44,12 @@ OVERLAPS = {"overlap.agonist": found(0.05, "-"), "overlap.antagonist": found(0.0
         ),
         (
             {"verdict": "unknown", "effects": (), "looks_like": "an eccentricity of the encoder"},
-            "Unknown cause, looks like an eccentricity of the encoder: 25 mrad at "
-            f"{POSITION}, 3.6 % of its range",
+            f"No known effect explains 25 mrad at {POSITION}, 3.6 % of its range; it looks like an "
+            "eccentricity of the encoder",
         ),
         (
             {"verdict": "none", "effects": ()},
-            f"No cause needed: re-tuned, the rig file leaves 25 mrad at {POSITION}, 3.6 % of its "
-            "range",
+            f"The re-tuned rig file is right to 25 mrad at {POSITION}, 3.6 % of its range",
         ),
         (
             {"verdict": "not_identifiable", "effects": (), "sizes": ()},

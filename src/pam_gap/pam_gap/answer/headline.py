@@ -23,10 +23,11 @@ def headline(diagnosis: Diagnosis) -> str:
         case "ambiguous":
             return _explaining(diagnosis, _alternatives(diagnosis))
         case "unknown":
-            like = f", looks like {diagnosis.looks_like}" if diagnosis.looks_like else ""
-            return f"Unknown cause{like}{_error(diagnosis, ': ')}"
+            like = f"; it looks like {diagnosis.looks_like}" if diagnosis.looks_like else ""
+            return f"No known effect explains {_error(diagnosis) or 'the gap'}{like}"
         case "none":
-            return f"No cause needed{_error(diagnosis, ': re-tuned, the rig file leaves ')}"
+            error = _error(diagnosis)
+            return f"The re-tuned rig file {f'is right to {error}' if error else 'is right'}"
     return "The recording does not hold enough for a diagnosis"
 
 
@@ -53,13 +54,13 @@ def _alternatives(diagnosis: Diagnosis) -> str:
     return "; ".join([*either, *sure])
 
 
-def _error(diagnosis: Diagnosis, before: str) -> str:
+def _error(diagnosis: Diagnosis) -> str:
     """The error of the re-tuned rig file in its worst channel; empty without any."""
     if not diagnosis.sizes:
         return ""
     size = diagnosis.sizes[0]
     share = percent(size.share)
-    return f"{before}{told(size.retuned, size.unit)} at {size.channel}, {share} of its range"
+    return f"{told(size.retuned, size.unit)} at {size.channel}, {share} of its range"
 
 
 def _sized(diagnosis: Diagnosis, effect: str) -> str:
