@@ -84,13 +84,13 @@ def test_a_diverged_hypothesis_is_improbable() -> None:
 
 def test_the_likelihood_is_a_density_of_the_mean_squares() -> None:
     """With the count of its errors, it integrates to one constant whatever the usual variance."""
-    sharp = replace(STATEMENT, background_spread=1e-6)
+    sharp = replace(STATEMENT, background_spread=1e-6, law_spread=1e-6)
     grid = np.exp(np.linspace(-12.0, 12.0, 6001))
     worth = sharp.independent_errors
 
     def mass(background: float) -> float:
-        usual = (np.zeros(1), np.array([background]), np.zeros(1))
-        values = [log_likelihood(np.array([m]), usual, sharp) for m in grid]
+        left, none = grid[:, None], np.zeros((grid.size, 1))
+        values = log_likelihood(left, none[0], np.array([background]), none, sharp)
         return float(np.log(np.trapezoid(np.exp(values) * grid ** (worth / 2.0 - 1.0), grid)))
 
     assert mass(1.0) == pytest.approx(mass(20.0), abs=1e-3)

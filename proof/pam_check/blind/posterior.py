@@ -1,9 +1,10 @@
 """Probabilities of sets of causes under the statement of belief, and the answer of least cost.
 
-The likelihood of a hypothesis is that of the mean squares which it leaves on held-out data. The
-variance of a channel is unknown: it scatters about that of an ordinary background plus the error of
-the laws, with a factor that all channels of a rig share. The first is integrated in closed form
-(Student's t; Gelman et al., Bayesian Data Analysis, 3rd ed., chapter 3), the second by quadrature.
+The likelihood of a hypothesis is that of the errors which it leaves on held-out data. The variance
+of a channel is unknown: it scatters about that of noise, an ordinary background and the error of
+the laws. This is integrated in closed form (Student's t; Gelman et al., Bayesian Data Analysis, 3rd
+ed., chapter 3); what all channels of a rig share, the size of its background and how wrong the laws
+are, is integrated by quadrature.
 Held-out data take the place of the size priors in an evidence (Fong and Holmes, On the marginal
 likelihood and cross-validation, Biometrika 107, 2020). A cause outside the table is a discrepancy
 that no member spans (Kennedy and O'Hagan, J. R. Statist. Soc. B 63, 2001).
@@ -11,7 +12,7 @@ that no member spans (Kennedy and O'Hagan, J. R. Statist. Soc. B 63, 2001).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import combinations
 from math import comb, log
@@ -29,39 +30,36 @@ from pam_gap.prediction.locate import worst_stage
 from pam_gap.rules import DEFAULT
 from pam_model.effects import EFFECTS
 
-_NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(11)
+_NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(9)
+_SHARES = np.outer(_WEIGHTS, _WEIGHTS) / _WEIGHTS.sum() ** 2
 DIVERGED = 1e12
 """Mean square in place of one that is not finite."""
 MOST_ALTERNATIVES = 6
 """Sets of causes of which an answer is made, the most probable ones."""
 
 
-def log_likelihood(left: Array, usual: tuple[Array, Array, Array], statement: Statement) -> float:
-    """Log density of the mean squares that a hypothesis leaves, up to a constant.
+def log_likelihood(
+    left: Array, noise: Array, background: Array, change: Array, statement: Statement
+) -> Array:
+    """Log density of the errors that hypotheses leave, up to a constant, shape (hypotheses,).
 
     Parameters
     ----------
-    left : ndarray, shape (channels,)
-        Mean squares.
-    usual : tuple of three ndarrays, shape (channels,)
-        Those of the noise, of an ordinary background, and of the errors of the laws.
+    left, change : ndarray, shape (hypotheses, channels)
+        Mean squares that each leaves, and of the change that its causes make.
+    noise, background : ndarray, shape (channels,)
+        Mean squares of the noise and of what an ordinary background leaves.
     statement : Statement
         The statement.
     """
-    noise, background, laws = usual
     free, worth = statement.channel_freedom, statement.independent_errors
-    scale = np.exp(statement.background_spread * _NODES)[:, None]
-    variance = noise + scale * background + laws
+    scale = np.exp(statement.background_spread * _NODES)[:, None, None]
+    law = (statement.law_error * np.exp(statement.law_spread * _NODES[:, None])) ** 2
+    variance = noise + scale * background + law * change[:, None, None]
     density = 0.5 * free * np.log(free * variance)
-    density -= 0.5 * (free + worth) * np.log(free * variance + worth * left)
-    return float(logsumexp(density.sum(axis=1), b=_WEIGHTS / _WEIGHTS.sum()))
-
-
-def _hypotheses(evidence: Evidence[Score]) -> Iterator[Score]:
-    yield evidence.nominal
-    for place, score in enumerate(evidence.tried):
-        yield evidence.settled.get(place, score)
-    yield from evidence.unlisted
+    density -= 0.5 * (free + worth) * np.log(free * variance + worth * left[:, None, None])
+    found: Array = logsumexp(density.sum(axis=-1), axis=(1, 2), b=_SHARES)
+    return found
 
 
 def posterior(evidence: Evidence[Score], statement: Statement) -> dict[str, float]:
@@ -84,33 +82,27 @@ def posterior(evidence: Evidence[Score], statement: Statement) -> dict[str, floa
         log(statement.three / comb(table, 3)),
     )
     noise, background = evidence.floor[present], evidence.background[present]
-
-    def left(score: Score) -> Array:
-        return np.nan_to_num(score.mean_square[present], nan=DIVERGED, posinf=DIVERGED)
-
-    scores = list(_hypotheses(evidence))
-    without = min(
-        (left(s) for s in scores if not s.causes and not s.unlisted),
-        key=lambda ms: float(np.log(np.maximum(ms / (noise + background), 1.0)).sum()),
-    )
-    found: dict[str, float] = {}
-    unlisted = log(statement.outside / max(len(evidence.unlisted), 1))
-    for score in scores:
-        removed = np.maximum(without - left(score), 0.0)
-        usual = (noise, background, statement.law_error**2 * removed)
-        value = log_likelihood(left(score), usual, statement)
+    tried = [evidence.settled.get(place, score) for place, score in enumerate(evidence.tried)]
+    scores = [evidence.nominal, *tried, *evidence.unlisted]
+    left = np.array([score.mean_square[present] for score in scores])
+    left = np.nan_to_num(left, nan=DIVERGED, posinf=DIVERGED)
+    over = np.log(np.maximum(left / (noise + background), 1.0)).sum(axis=1)
+    usual = [k for k, score in enumerate(scores) if not score.causes and not score.unlisted]
+    without = left[min(usual, key=over.__getitem__)]
+    # The last row is a law of unknown form, which leaves an ordinary background.
+    left = np.vstack([left, noise + background])
+    change = np.maximum(without - left, 0.0)
+    change[-1] = 0.0
+    likelihood = log_likelihood(left, noise, background, change, statement).tolist()
+    found = {UNKNOWN: likelihood[-1] + log(statement.outside) - statement.unknown_law * noise.size}
+    for score, value in zip(scores, likelihood[:-1], strict=True):
         if score.unlisted:
-            value += unlisted
-            found[UNKNOWN] = float(np.logaddexp(found.get(UNKNOWN, -np.inf), value))
+            believed = value + log(statement.outside / len(evidence.unlisted))
+            found[UNKNOWN] = float(np.logaddexp(found[UNKNOWN], believed))
         else:
             name = " + ".join(sorted(score.causes)) or NONE
-            value += prior[min(score.size, len(prior) - 1)]
-            found[name] = max(value, found.get(name, -np.inf))
-    ordinary = log_likelihood(
-        noise + background, (noise, background, np.zeros_like(noise)), statement
-    )
-    other = ordinary + log(statement.outside) - statement.unknown_law * noise.size
-    found[UNKNOWN] = float(np.logaddexp(found.get(UNKNOWN, -np.inf), other))
+            believed = value + prior[min(score.size, len(prior) - 1)]
+            found[name] = max(believed, found.get(name, -np.inf))
     values = np.array(list(found.values()))
     shares = np.exp(values - logsumexp(values)).tolist()
     return dict(sorted(zip(found, shares, strict=True), key=lambda pair: -pair[1]))

@@ -8,7 +8,7 @@ import numpy as np
 
 from pam_gap.answer.diagnosis import ChannelGap, Diagnosis, FoundParameter, ScoredCandidate
 from pam_gap.answer.improved_rig import improve_rig
-from pam_gap.answer.user_units import percent
+from pam_gap.answer.user_units import spoken
 from pam_gap.experiments.next_experiment import Proposal
 from pam_gap.inference.confidence import (
     Interval,
@@ -280,7 +280,7 @@ def why_preferred(chosen: Sequence[str], ranking: Sequence[ScoredCandidate]) -> 
     best = max(ranking, key=lambda entry: entry.weight, default=None)
     if own is None or best is None or best is own or best.weight <= own.weight:
         return ""
-    mine, other = (" + ".join(entry.effects) for entry in (own, best))
+    mine, other = (" + ".join(map(spoken, entry.effects)) for entry in (own, best))
     if set(best.effects) > set(own.effects):
         reason = "a further effect is only accepted if it lowers the error clearly"
     elif len(best.effects) > len(own.effects):
@@ -293,11 +293,7 @@ def why_preferred(chosen: Sequence[str], ranking: Sequence[ScoredCandidate]) -> 
         if max(best.level, own.level) < 0.005  # shown as 0.00
         else f"sum of the log errors {levels}"
     )
-    return (
-        f"{other} fits this recording better: it leads in {percent(best.weight)} of the resampled "
-        f"recordings, {mine} in {percent(own.weight)}. {mine} was preferred because {reason} "
-        f"({shown})."
-    )
+    return f"{other} fits this recording better ({shown}). {mine} was preferred because {reason}."
 
 
 def advice(verdict: str, proposal: Proposal | None, present: np.ndarray) -> str:
