@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+import ast
+from dataclasses import FrozenInstanceError, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+import pam_gap
 from pam_gap.inference.decide import decide, decided_answer
 from pam_gap.inference.evidence import Evidence, load_evidence
 from pam_gap.inference.score import Score
@@ -134,6 +136,27 @@ def test_a_cause_outside_the_table_that_leaves_less_makes_the_verdict_unknown(
     assert answer(read, DEFAULT)["verdict"] == "unknown"
     worse = replace(score((), 1.5), unlisted="a drift", free_numbers=1)
     assert answer(evidence(unlisted=(worse,)), DEFAULT)["effects"] == ["creep"]
+
+
+def test_the_decision_is_made_in_one_place() -> None:
+    """Engine, answer and kept evidence each put names, probabilities and the verdict together."""
+    parts = {"agreed", "probabilities", "named_effects", "verdict_of"}
+    package = Path(pam_gap.__file__).parent
+    users = {
+        path.relative_to(package).as_posix()
+        for path in package.rglob("*.py")
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.ImportFrom)
+        if parts & {name.name for name in node.names}
+    }
+    assert users == {"inference/decide.py", "inference/decision.py"}
+
+
+def test_what_goes_in_and_what_comes_out_is_frozen() -> None:
+    kept = evidence()
+    for one, name in ((kept, "tried"), (decide(kept, DEFAULT), "effects")):
+        with pytest.raises(FrozenInstanceError):
+            setattr(one, name, ())
 
 
 def test_a_file_that_is_no_evidence_is_refused(tmp_path: Path) -> None:

@@ -242,6 +242,15 @@ def test_why_a_simpler_cause_was_preferred_is_said() -> None:
     assert render(data(preferred=why)).count(why) == 1
 
 
+def test_a_phone_shows_the_headline_and_the_figure_first() -> None:
+    """The whole verdict with its cautions stood above the figure, which needed scrolling."""
+    page = without_scripts(render(data()))
+    start = page[page.index("<h1>") : page.index("<figure")]
+    assert "Coulomb friction (torque 0.52 N m): 94 % of an error of 31 mrad" in start
+    assert len(re.sub(r"<[^>]*>", "", start).split()) < 40
+    assert page.index("<figure") < page.index("The joint rubs") < page.index("What to record next")
+
+
 def test_every_figure_has_a_sentence_that_says_what_to_see() -> None:
     page = without_scripts(render(data()))
     figures = re.findall(r"<figure.*?</figure>", page, flags=re.DOTALL)
