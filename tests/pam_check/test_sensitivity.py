@@ -111,8 +111,11 @@ def test_rules_of_another_version_are_compared_with_the_stored_verdicts(
     assert "001: creep hidden; unknown -> named creep" in told
     assert "1 answers change" in told
     assert [line.split() for line in told.splitlines() if line.startswith("truth_in_set ")] == [
-        ["truth_in_set", "1", "->", "2", "of", "2"]
+        ["truth_in_set", "1", "->", "2", "of", "2"],
+        ["truth_in_set", "2", "1", "2"],  # by the rules, by belief, and of how many
     ]
+    assert "surprise of the rules" in told
+    assert "surprise of the belief" in told
 
 
 def test_a_change_is_counted_as_the_blind_check_counts(campaign: Path) -> None:
