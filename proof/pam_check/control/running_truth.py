@@ -7,9 +7,11 @@ import numpy as np
 from pam_check.blind.truth_plant import (
     Array,
     Sensors,
+    SupplyWander,
     TruthJoint,
     TruthMuscle,
     run_samples,
+    slow_noise,
     start_state,
 )
 
@@ -31,6 +33,8 @@ class RunningTruth:
         Number of samples that can be run.
     pressure : float
         Gauge pressure of both muscles at first [Pa].
+    supply : SupplyWander, optional
+        How the supply pressure changes; it is constant by default.
 
     Attributes
     ----------
@@ -49,15 +53,20 @@ class RunningTruth:
         period: float,
         count: int,
         pressure: float,
+        supply: SupplyWander | None = None,
     ) -> None:
         self.becomes(joint, muscles)
         self._state = start_state(self._joint, self._muscles, (pressure, pressure))
         scale = [sensors.pressure_noise] * 2 + [sensors.position_noise, 0.0, 0.0]
         self._noise: Array = generator.standard_normal((count, 5)) * np.array(scale)
+        if sensors.pressure_colour > 0.0 or sensors.pressure_drift > 0.0:
+            self._noise += slow_noise(sensors, period, count, generator)
         steps = [sensors.pressure_step, sensors.position_step, sensors.command_step]
         self._settings = np.array([period, 0.0, 0.0, 0.0, *steps])
         self._command_step = sensors.command_step
         self._unused, self._supply = np.zeros(count), np.ones(count)
+        if supply is not None:
+            self._supply = supply.factor(np.arange(count) * period)
         self._given, self.commands = np.zeros((count, 2)), np.zeros((count, 2))
         self.sensed, self.truth = np.zeros((count, 5)), np.zeros((count, 3))
         self.samples = 0
@@ -69,7 +78,7 @@ class RunningTruth:
         self._muscles = TruthMuscle(*map(float, first)), TruthMuscle(*map(float, second))
 
     def advance(self, commands: tuple[float, float]) -> Array:
-        """Read the sensors, then hold these spool commands for a period; return what they showed.
+        """Read the sensors, then hold these commands for a period; return what they showed.
 
         Raises
         ------

@@ -1,0 +1,98 @@
+"""What is known of the numbers of a rig: an interval for each, as written and as identified.
+
+A log fixes most numbers relative to the torque per pressure. The motion does not depend on this
+common factor, so the intervals that hold for the right torque per pressure are the ones that
+count. Lengths and turns, whose combination the motions have shown, then keep the found values.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from pam_gap.calibration.calibration import KEPT, CalibratedNumber
+from pam_gap.calibration.calibration_rules import CalibrationRules
+from pam_gap.calibration.free_numbers import STATICS, FreeNumber, Said, free_numbers
+from pam_model.plant.parameters import NAMES, PlantParameters
+from pam_model.rig.partial import PartialRig
+
+UNKNOWN: Final = 4.0
+"""A missing number is within this factor of the guess that its muscles' torque gives."""
+UNIFORM: Final = math.sqrt(3.0)
+"""Half width of a uniform distribution over its standard deviation."""
+
+
+@dataclass(frozen=True, slots=True)
+class Known:
+    """One number.
+
+    Attributes
+    ----------
+    name : str
+        Of the plant parameter.
+    key : str
+        In the rig file.
+    value, low, high : float
+        The most likely value, and the ends of its interval.
+    """
+
+    name: str
+    key: str
+    value: float
+    low: float
+    high: float
+
+
+def as_written(partial: PartialRig, said: Said, rules: CalibrationRules) -> tuple[Known, ...]:
+    """What the rig file says.
+
+    Parameters
+    ----------
+    partial : PartialRig
+        With one joint.
+    said : Said
+        How far plain numbers may be off.
+    rules : CalibrationRules
+        How far an angle may be off.
+    """
+    known = []
+    for one in _numbers(partial, said, rules):
+        value = one.free.centre
+        if one.written is None:
+            low, high = value / UNKNOWN, value * UNKNOWN
+        elif one.key in partial.ranges:
+            low, high = partial.ranges[one.key]
+        elif one.free.is_logarithmic:
+            reach = math.exp(UNIFORM * one.free.prior)
+            low, high = value / reach, value * reach
+        else:
+            low, high = value - UNIFORM * one.free.prior, value + UNIFORM * one.free.prior
+        known.append(Known(one.name, one.key, value, *sorted((low, high))))
+    return tuple(known)
+
+
+def _numbers(partial: PartialRig, said: Said, rules: CalibrationRules) -> list[FreeNumber]:
+    start: Mapping[str, float] = dict(
+        zip(NAMES, PlantParameters.from_rig(partial.rig).values.tolist(), strict=True)
+    )
+    joint = partial.rig.joints[0]
+    found = free_numbers(partial, joint, start, said, rules, has_commands=True)
+    return [one for one in found if not one.is_ordinary and not one.is_sensor]
+
+
+def narrowed(before: Sequence[Known], found: Sequence[CalibratedNumber]) -> tuple[Known, ...]:
+    """What is known after a calibration, of which the intervals count that hold for the motion."""
+    by_key = {one.key: one for one in found}
+    known = []
+    for one in before:
+        number = by_key.get(one.key)
+        if number is None or number.status == KEPT:
+            known.append(one)
+        elif number.stage == STATICS:
+            known.append(Known(one.name, one.key, number.value, number.value, number.value))
+        else:
+            ends = number.relative or (number.low, number.high)
+            known.append(Known(one.name, one.key, number.value, *ends))
+    return tuple(known)

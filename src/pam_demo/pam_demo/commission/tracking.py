@@ -1,0 +1,215 @@
+"""The tracking test: the controller of the suite, with its designed gains, follows one motion.
+
+The object that the controller node steps is stepped here, sample by sample on the port. A joint
+that leaves its limits, or a controller that stops, ends the test.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import pandas as pd
+
+from pam_control.control_step import Measurement
+from pam_control.controller import Controller
+from pam_control.lowering import LoweringPhase
+from pam_control.references.trajectory import CommandError, TrajectoryPoint
+from pam_control.settings import ControlSettings
+from pam_demo.commission.motion_loop import scale_of
+from pam_demo.commission.motions import EMPTY
+from pam_demo.commission.play import Log, lower, rest, vented
+from pam_demo.commission.robot_port import Reading, RobotPort
+from pam_demo.commission.watch import Limits, Seen, watched
+from pam_model.errors import PamError
+from pam_model.rig import Rig
+
+SETTLE: Final = 2.5  # s, from the take-over to the way to the start
+APPROACH: Final = 2.0  # s, to the position where the motion begins
+LONGEST_LOWERING: Final = 12.0  # s
+REACHES: Final = (0.6, -0.6, 0.3, -0.3, 0.0)  # of the reach
+PAUSE: Final = 0.3  # s
+STEP: Final = 0.02  # s between waypoints
+
+
+@dataclass(frozen=True, slots=True)
+class Tracked:
+    """How well a motion was followed.
+
+    Attributes
+    ----------
+    rms, largest : float
+        Error of the measured angle in the motion [rad]; infinite if it was not followed to its end.
+    stopped : str
+        Why it was not; empty if it was.
+    table : pandas.DataFrame
+        Time [s], reference and measured angle [rad] in the motion.
+    most : tuple of three floats
+        Largest measured use of the limits: pressure, speed, distance from the middle [-].
+    """
+
+    rms: float
+    largest: float
+    stopped: str
+    table: pd.DataFrame
+    most: tuple[float, float, float] = (math.nan, math.nan, math.nan)
+
+
+def reaches(middle: float, reach: float, duration: float) -> list[TrajectoryPoint]:
+    """Reaches of minimum jerk to shares of the reach, with pauses, from the middle and back.
+
+    Parameters
+    ----------
+    middle, reach : float
+        [rad].
+    duration : float
+        Of a way as long as the reach [s].
+    """
+    points: list[TrajectoryPoint] = []
+    at, start = 0.0, middle
+    for share in REACHES:
+        target = middle + share * reach
+        stroke = target - start
+        count = max(round(duration * max(abs(stroke) / reach, 0.3) / STEP), 10)
+        time = count * STEP
+        for index in range(1, count + 1):
+            x = index / count
+            points.append(
+                TrajectoryPoint(
+                    at + index * STEP,
+                    [start + stroke * x**3 * (10.0 - 15.0 * x + 6.0 * x * x)],
+                    [stroke / time * 30.0 * x * x * (1.0 - x) ** 2],
+                    [stroke / time**2 * 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x)],
+                )
+            )
+        at, start = at + time + PAUSE, target
+        points.append(TrajectoryPoint(at, [target], [0.0], [0.0]))
+    return points
+
+
+def controller_for(port: RobotPort, rig: Rig) -> Controller:
+    """The suite's controller with gains designed for a rig, at the rate and delays of a port.
+
+    Raises
+    ------
+    PamError
+        If the numbers of the rig give no safe loop.
+    """
+    return Controller(
+        rig,
+        ControlSettings(
+            period=port.period,
+            measurement_delay=port.measurement_delay,
+            command_delay=port.command_delay,
+        ),
+    )
+
+
+def designed_gains(controller: Controller) -> list[dict[str, float]]:
+    """The gains of the first joint at the stiffnesses for which they were designed."""
+    schedule = controller.settings.gains[controller.rig.joints[0].name]
+    return [
+        {
+            "stiffness": stiffness,
+            "proportional": gains.proportional,
+            "integral": gains.integral,
+            "derivative": gains.derivative,
+        }
+        for stiffness, gains in zip(schedule.stiffnesses, schedule.gains, strict=True)
+    ]
+
+
+def track(
+    port: RobotPort, controller: Controller, points: Sequence[TrajectoryPoint], limits: Limits
+) -> Tracked:
+    """Take the joint over, go to the start of a motion, follow it, and lower the joint.
+
+    Parameters
+    ----------
+    port : RobotPort
+        The robot; its muscles are empty.
+    controller : Controller
+        Of `controller_for`; what it had learnt is forgotten.
+    points : sequence of TrajectoryPoint
+        The motion, from rest to rest.
+    limits : Limits
+        Of the joint.
+    """
+    rig = controller.rig
+    name = rig.joints[0].name
+    controller.drop_commands()
+    controller.forget_adaptation()
+    log = Log(rig)
+    rows: list[tuple[float, float, float]] = []
+    begin, stopped, seen = math.nan, "", Seen()
+    most = np.zeros(3)
+    commands = vented(rig)
+    reading = port.advance(commands)
+    start = reading.time
+    where = float(points[-1].positions[0])
+    approached = False
+    while True:
+        now = reading.time
+        seen, stopped = watched(seen, reading, limits)
+        if stopped:
+            break
+        shares = limits.shares(reading.pressures, seen.speed, reading.position)
+        most = np.maximum(most, shares)
+        try:
+            if not approached and now - start >= SETTLE:
+                way = [TrajectoryPoint(APPROACH, [where], [0.0], [0.0])]
+                controller.references.follow([name], way, start=None, now=now)
+                approached = True
+            if math.isnan(begin) and now - start >= SETTLE + APPROACH + 1.0:
+                controller.references.follow([name], points, start=None, now=now)
+                begin = now
+        except CommandError as error:
+            stopped = str(error)
+            break
+        measured = Measurement([reading.position], list(reading.pressures), now, now)
+        output = controller.step(now, measured)
+        if output.commands is None:
+            stopped = output.reason
+            break
+        if not math.isnan(begin):
+            if now - begin > points[-1].time_from_start:
+                break
+            rows.append((now - begin, controller.references.sample(name, now).position,
+                         reading.position))  # fmt: skip
+        commands = (output.commands[0], output.commands[1])
+        reading = port.advance(commands)
+        log.add(reading, commands)
+    if stopped:
+        lower(port, rig, reading, scale_of(rig, port.period), log)
+    else:
+        _lower_by(port, controller, reading)
+    table = pd.DataFrame(np.array(rows).reshape(-1, 3), columns=["time", "reference", "position"])
+    error = (table["reference"] - table["position"]).to_numpy()
+    rms = float(np.sqrt(np.mean(error**2))) if error.size and not stopped else math.inf
+    largest = float(np.abs(error).max()) if error.size and not stopped else math.inf
+    pressure, speed, place = most.tolist()
+    return Tracked(rms, largest, stopped, table, (pressure, speed, place))
+
+
+def _lower_by(port: RobotPort, controller: Controller, reading: Reading) -> None:
+    """Lower the joint by the controller, then vent."""
+    begin = reading.time
+    controller.lower(begin)
+    while reading.time - begin < LONGEST_LOWERING:
+        now = reading.time
+        measured = Measurement([reading.position], list(reading.pressures), now, now)
+        output = controller.step(now, measured)
+        if output.commands is None or controller.lowering.phase is LoweringPhase.DONE:
+            break
+        reading = port.advance((output.commands[0], output.commands[1]))
+    rest(port, controller.rig, EMPTY)
+
+
+def not_possible(error: PamError) -> Tracked:
+    """A test that could not be made, because the rig file gives no safe controller."""
+    return Tracked(
+        math.inf, math.inf, str(error), pd.DataFrame(columns=["time", "reference", "position"])
+    )
