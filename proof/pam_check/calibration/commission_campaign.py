@@ -97,8 +97,9 @@ class Result:
 
     def line(self) -> str:
         """For a terminal."""
-        text = f"{self.rig:3d} {self.exchanged or '-':19s} {self.seconds:4.0f} s, {self.work:4.0f} s of work, "
-        text += f"{self.pressure:.0%} of the pressure, {self.speed:.0%} of the speed"
+        text = f"{self.rig:3d} {self.exchanged or '-':19s} {self.seconds:4.0f} s, "
+        text += f"{self.work:4.0f} s of work, {self.pressure:.0%} of the pressure, "
+        text += f"{self.speed:.0%} of the speed"
         text += ", at an END of its range" if self.contact else ""
         if self.ended:
             return f"{text}; {self.ended[:90]}"

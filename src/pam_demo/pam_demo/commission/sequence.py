@@ -242,8 +242,8 @@ class Commissioning:
         played = play(self.port, rig, motion.smaller(allowed.share), scale, watched)
         pressure, speed, place = played.most
         most = (pressure, speed * watched.speed / limits.speed, place)
-        self.result.steps.append(Step(motion.name, motion.title, allowed.share,
-                                      (worst.pressure, worst.speed, worst.distance), most))  # fmt: skip
+        expected = (worst.pressure, worst.speed, worst.distance)
+        self.result.steps.append(Step(motion.name, motion.title, allowed.share, expected, most))
         if played.stopped:
             self.kept.failed(motion.name, played.table)
             raise EndedError(f"{motion.name}: {played.stopped}; the air was let out slowly.")

@@ -33,6 +33,8 @@ LONGEST_LOWERING: Final = 12.0  # s
 REACHES: Final = (0.6, -0.6, 0.3, -0.3, 0.0)  # of the reach
 PAUSE: Final = 0.3  # s
 STEP: Final = 0.02  # s between waypoints
+REST: Final = 1.0  # s, at the start of the motion
+COLUMNS: Final = ("time", "reference", "position")
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,60 +140,63 @@ def track(
     limits : Limits
         Of the joint.
     """
-    rig = controller.rig
-    name = rig.joints[0].name
+    name = controller.rig.joints[0].name
     controller.drop_commands()
     controller.forget_adaptation()
-    log = Log(rig)
+    log = Log(controller.rig)
     rows: list[tuple[float, float, float]] = []
-    begin, stopped, seen = math.nan, "", Seen()
-    most = np.zeros(3)
-    commands = vented(rig)
-    reading = port.advance(commands)
-    start = reading.time
+    seen, stopped, most = Seen(), "", np.zeros(3)
+    reading = port.advance(vented(controller.rig))
     where = float(points[-1].positions[0])
-    approached = False
-    while True:
+    way = [TrajectoryPoint(APPROACH, [where], [0.0], [0.0])]
+    begin = reading.time + SETTLE + APPROACH + REST
+    due = [(reading.time + SETTLE, way), (begin, list(points))]
+    end = begin + points[-1].time_from_start
+    while reading.time <= end:
         now = reading.time
         seen, stopped = watched(seen, reading, limits)
+        if not stopped and due and now >= due[0][0]:
+            stopped = _follow(controller, name, due.pop(0)[1], now)
         if stopped:
             break
-        shares = limits.shares(reading.pressures, seen.speed, reading.position)
-        most = np.maximum(most, shares)
-        try:
-            if not approached and now - start >= SETTLE:
-                way = [TrajectoryPoint(APPROACH, [where], [0.0], [0.0])]
-                controller.references.follow([name], way, start=None, now=now)
-                approached = True
-            if math.isnan(begin) and now - start >= SETTLE + APPROACH + 1.0:
-                controller.references.follow([name], points, start=None, now=now)
-                begin = now
-        except CommandError as error:
-            stopped = str(error)
-            break
+        most = np.maximum(most, limits.shares(reading.pressures, seen.speed, reading.position))
         measured = Measurement([reading.position], list(reading.pressures), now, now)
         output = controller.step(now, measured)
         if output.commands is None:
             stopped = output.reason
             break
-        if not math.isnan(begin):
-            if now - begin > points[-1].time_from_start:
-                break
-            rows.append((now - begin, controller.references.sample(name, now).position,
-                         reading.position))  # fmt: skip
+        if not due:
+            reference = controller.references.sample(name, now).position
+            rows.append((now - begin, reference, reading.position))
         commands = (output.commands[0], output.commands[1])
         reading = port.advance(commands)
         log.add(reading, commands)
     if stopped:
-        lower(port, rig, reading, scale_of(rig, port.period), log)
+        lower(port, controller.rig, reading, scale_of(controller.rig, port.period), log)
     else:
         _lower_by(port, controller, reading)
-    table = pd.DataFrame(np.array(rows).reshape(-1, 3), columns=["time", "reference", "position"])
+    table = pd.DataFrame(np.array(rows).reshape(-1, 3), columns=COLUMNS)
     error = (table["reference"] - table["position"]).to_numpy()
-    rms = float(np.sqrt(np.mean(error**2))) if error.size and not stopped else math.inf
-    largest = float(np.abs(error).max()) if error.size and not stopped else math.inf
+    followed = bool(error.size) and not stopped
     pressure, speed, place = most.tolist()
-    return Tracked(rms, largest, stopped, table, (pressure, speed, place))
+    return Tracked(
+        float(np.sqrt(np.mean(error**2))) if followed else math.inf,
+        float(np.abs(error).max()) if followed else math.inf,
+        stopped,
+        table,
+        (pressure, speed, place),
+    )
+
+
+def _follow(
+    controller: Controller, name: str, points: Sequence[TrajectoryPoint], now: float
+) -> str:
+    """Follow a trajectory from now on; why it is refused, or empty."""
+    try:
+        controller.references.follow([name], points, start=None, now=now)
+    except CommandError as error:
+        return str(error)
+    return ""
 
 
 def _lower_by(port: RobotPort, controller: Controller, reading: Reading) -> None:
@@ -210,6 +215,4 @@ def _lower_by(port: RobotPort, controller: Controller, reading: Reading) -> None
 
 def not_possible(error: PamError) -> Tracked:
     """A test that could not be made, because the rig file gives no safe controller."""
-    return Tracked(
-        math.inf, math.inf, str(error), pd.DataFrame(columns=["time", "reference", "position"])
-    )
+    return Tracked(math.inf, math.inf, str(error), pd.DataFrame(columns=COLUMNS))
