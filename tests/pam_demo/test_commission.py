@@ -193,4 +193,3 @@ def test_a_rough_elbow_tracks_in_the_end(rough: Path, tmp_path: Path, elbow: Rig
     assert ratio == pytest.approx(1.0, rel=0.1)
     assert answer["gains"]
     assert "Commissioned" in (out / "commission.html").read_text()
-

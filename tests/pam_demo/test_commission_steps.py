@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from support.commission_ports import EXCHANGES, PERIOD, WiredPort
 from pam_demo.commission.knowledge import Known, as_written, narrowed
 from pam_demo.commission.least_favourable import (
     PLANNED,
@@ -29,6 +28,7 @@ from pam_gap.calibration.calibration_rules import CalibrationRules
 from pam_gap.calibration.free_numbers import Said
 from pam_model.rig import Rig, load_rig
 from pam_model.rig.partial import PartialRig
+from support.commission_ports import EXCHANGES, PERIOD, WiredPort
 
 ROOT = Path(__file__).parents[2]
 SAID = Said(1.0 / 3.0, 0.05)
@@ -107,7 +107,7 @@ def test_a_robot_that_is_not_empty_is_not_touched(elbow: Rig) -> None:
     assert len(port.truth) == sent + 1
 
 
-# --- what is known, and what may be played ---------------------------------------------------------
+# --- what is known, and what may be played --------------------------------------------------------
 
 
 def test_intervals_are_those_of_the_file_then_those_of_the_motions(elbow: Rig) -> None:

@@ -1,4 +1,4 @@
-"""Simulated robots on which a commissioning is tried: wrongly wired ones, and one that is counted."""
+"""Simulated robots on which a commissioning is tried, some of them wrongly wired."""
 
 from __future__ import annotations
 
