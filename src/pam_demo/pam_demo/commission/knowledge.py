@@ -12,10 +12,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
+from pam_gap.answer.improved_rig import with_number
 from pam_gap.calibration.calibration import KEPT, CalibratedNumber
 from pam_gap.calibration.calibration_rules import CalibrationRules
 from pam_gap.calibration.free_numbers import STATICS, FreeNumber, Said, free_numbers
 from pam_model.plant.parameters import NAMES, PlantParameters
+from pam_model.rig import Rig
 from pam_model.rig.partial import PartialRig
 
 UNKNOWN: Final = 4.0
@@ -36,6 +38,8 @@ class Known:
         In the rig file.
     value, low, high : float
         The most likely value, and the ends of its interval.
+    is_length : bool
+        Whether it is one of the lengths and turns.
     """
 
     name: str
@@ -43,6 +47,7 @@ class Known:
     value: float
     low: float
     high: float
+    is_length: bool = False
 
 
 def as_written(partial: PartialRig, said: Said, rules: CalibrationRules) -> tuple[Known, ...]:
@@ -69,7 +74,8 @@ def as_written(partial: PartialRig, said: Said, rules: CalibrationRules) -> tupl
             low, high = value / reach, value * reach
         else:
             low, high = value - UNIFORM * one.free.prior, value + UNIFORM * one.free.prior
-        known.append(Known(one.name, one.key, value, *sorted((low, high))))
+        low, high = sorted((low, high))
+        known.append(Known(one.name, one.key, value, low, high, one.stage == STATICS))
     return tuple(known)
 
 
@@ -82,6 +88,24 @@ def _numbers(partial: PartialRig, said: Said, rules: CalibrationRules) -> list[F
     return [one for one in found if not one.is_ordinary and not one.is_sensor]
 
 
+PULL_PER_LENGTH: Final = 9.0
+"""Relative change of r (3 L^2 - b^2)/(4 pi n^2) for that of its lengths and turns, all at their
+worst: 1 of r, 2 of n, 4 of L and 2 of b at L = 0.82 b [-]."""
+
+
+def easily_turned(rig: Rig, known: Sequence[Known], said: Said) -> Rig:
+    """The rig that a test pulse turns furthest, of those within the intervals.
+
+    Lengths stay as they are written, so that they fit each other; instead, inertia and weight are
+    smaller by as much as the pull may be stronger.
+    """
+    joint, pull = rig.joint_names[0], math.exp(PULL_PER_LENGTH * said.lengths)
+    for one in known:
+        if one.name in ("joint.inertia", "joint.gravity_torque"):
+            rig = with_number(rig, joint, one.name, one.low / pull)
+    return rig
+
+
 def narrowed(before: Sequence[Known], found: Sequence[CalibratedNumber]) -> tuple[Known, ...]:
     """What is known after a calibration, of which the intervals count that hold for the motion."""
     by_key = {one.key: one for one in found}
@@ -91,7 +115,8 @@ def narrowed(before: Sequence[Known], found: Sequence[CalibratedNumber]) -> tupl
         if number is None or number.status == KEPT:
             known.append(one)
         elif number.stage == STATICS:
-            known.append(Known(one.name, one.key, number.value, number.value, number.value))
+            value = number.value
+            known.append(Known(one.name, one.key, value, value, value, is_length=True))
         else:
             ends = number.relative or (number.low, number.high)
             known.append(Known(one.name, one.key, number.value, *ends))

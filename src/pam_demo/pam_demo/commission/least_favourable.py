@@ -11,6 +11,7 @@ made smaller until these robots, and the worst of the design, keep a share of al
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -21,10 +22,12 @@ import numpy.typing as npt
 from scipy.linalg import hadamard
 
 from pam_demo.commission.knowledge import Known
-from pam_demo.commission.motion_loop import MotionLoop
+from pam_demo.commission.motion_loop import Lowering, MotionLoop
 from pam_demo.commission.motions import Motion, Scale
 from pam_demo.commission.robot_port import Reading
 from pam_demo.commission.watch import Limits, Seen, watched
+from pam_gap.answer.improved_rig import with_number
+from pam_model.joints.antagonistic_joint import AntagonisticJoint
 from pam_model.plant.parameters import PlantParameters, bounds_of
 from pam_model.plant.simulate import Plant, vented_state
 from pam_model.rig import Rig
@@ -36,8 +39,9 @@ PLANNED: Final = (0.85, 0.55, 0.85)
 distance from the middle of the range."""
 SCREENED, PERIOD = 0.016, 0.008
 """Periods of the loop in a simulated motion [s]: on the robots of the design, and on the worst."""
-STEP: Final = 1e-3  # s, of the integration
+STEP: Final = 5e-4  # s, of the integration
 SHARES: Final = (1.0, 0.8, 0.6, 0.45, 0.3, 0.2, 0.1)
+LENGTH_SHARES: Final = (1.0, 0.8, 0.6, 0.4, 0.2, 0.0)
 SPEED_FILTER_WARM: Final = 0.5  # s, before which a vented joint may still swing
 
 
@@ -108,12 +112,20 @@ def foreseen(
     reading = Reading(0.0, output["position"], (0.0, 0.0))
     state, seen = loop.init(reading.position), Seen()
     most = np.zeros(3)
-    for k in range(motion.level.size):
+    lowering: Lowering | None = None
+    for k in itertools.count():
         seen, _ = watched(seen, reading, limits)
         if k * motion.period > SPEED_FILTER_WARM:
             shares = limits.shares(reading.pressures, seen.speed, reading.position)
             most = np.maximum(most, shares)
-        commands, state = loop.step(state, k, reading)
+        if k < motion.level.size:
+            commands, state = loop.step(state, k, reading)
+        else:
+            lowering = lowering or Lowering(loop.pressures, reading.pressures, motion.period)
+            following = lowering.commands(reading.pressures)
+            if following is None:
+                break
+            commands = following
         position, *pressures = plant.step(commands, motion.period)
         if not math.isfinite(position):
             return Foreseen(math.inf, math.inf, math.inf)
@@ -124,19 +136,45 @@ def foreseen(
 def design(known: Sequence[Known]) -> list[dict[str, float]]:
     """The robots of the design, and the most likely one at the end."""
     free = [one for one in known if one.low < one.high]
-    size = 2 ** math.ceil(math.log2(len(free) + 1))
-    signs = hadamard(size)[:, 1 : len(free) + 1]
     middle = {one.name: one.value for one in known}
     return [
         *(middle | {one.name: _end(one, sign) for one, sign in zip(free, row, strict=True)}
-          for row in signs.tolist()),
+          for row in _signs(len(free)).tolist()),
         middle,
     ]  # fmt: skip
+
+
+def _signs(count: int) -> Array:
+    """Ends of `count` numbers, one row for each robot."""
+    size = 2 ** math.ceil(math.log2(count + 1))
+    signs: Array = hadamard(size)[:, 1 : count + 1].astype(float)
+    return signs
 
 
 def _end(one: Known, sign: float) -> float:
     low, high = bounds_of(one.name)
     return min(max(one.high if sign > 0 else one.low, low), high)
+
+
+def reaching(rig: Rig, known: Sequence[Known], robot: Mapping[str, float]) -> dict[str, float]:
+    """A robot with lengths so near to the likely ones that its muscles reach both limits.
+
+    Lengths that are all at their worst ends may belong to no robot: a muscle would be longer than
+    its threads within the range of the joint.
+    """
+    joint = rig.joints[0]
+    lower, upper = joint.position_limits
+    found = dict(robot)
+    for share in LENGTH_SHARES:
+        trial = rig
+        for one in known:
+            if one.is_length:
+                found[one.name] = one.value + share * (robot[one.name] - one.value)
+                trial = with_number(trial, joint.name, one.name, found[one.name])
+        low, high = AntagonisticJoint.from_rig(trial).position_range
+        if low <= lower and upper <= high:
+            break
+    return found
 
 
 def least_favourable(
@@ -151,13 +189,13 @@ def least_favourable(
     known : sequence of Known
         Intervals of the numbers.
     """
-    robots = design(known)
+    robots = [reaching(rig, known, robot) for robot in design(known)]
     free = [one for one in known if one.low < one.high]
     found = np.array(
         [foreseen(rig, robot, motion, scale, limits, SCREENED).all for robot in robots]
     )
     found = np.minimum(found, 10.0)
-    signs = np.sign([[robot[one.name] - one.value for one in free] for robot in robots[:-1]])
+    signs = _signs(len(free))
     effects = signs.T @ (found[:-1] - found[:-1].mean(axis=0))
     middle = robots[-1]
     chosen = []
@@ -166,7 +204,8 @@ def least_favourable(
             one.name: _end(one, effect)
             for one, effect in zip(free, effects[:, column].tolist(), strict=True)
         }
-        chosen += [middle | worst, robots[int(np.argmax(found[:, column]))]]
+        worst = reaching(rig, known, middle | worst)
+        chosen += [worst, robots[int(np.argmax(found[:, column]))]]
     return tuple(chosen)
 
 

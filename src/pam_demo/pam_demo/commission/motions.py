@@ -1,9 +1,9 @@
 """The motions of a commissioning, each faster than the one before.
 
-Every motion begins and ends with vented muscles at rest: it fills them slowly, moves, and lets the
-air out slowly. Its co-contraction is a share of the highest pressure; a slow position loop keeps
-the joint at a reference, whatever the numbers of the rig are; a wave of the pressure difference
-makes the quick parts.
+Every motion begins with vented muscles at rest, which it fills slowly, and is followed by a
+lowering (`motion_loop`). Its co-contraction is a share of the highest pressure; a slow position
+loop keeps the joint at a reference, whatever the numbers of the rig are; a wave of the pressure
+difference makes the quick parts.
 """
 
 from __future__ import annotations
@@ -22,8 +22,6 @@ Array = npt.NDArray[np.float64]
 
 REST: Final = 1.0  # s, vented, at the begin of a motion
 FILL: Final = 3.0  # s
-LOWER: Final = 3.0  # s, in which the air is let out at the end
-EMPTY: Final = 1.0  # s, vented, at the end
 MOVE: Final = 1.0  # s, of a stair
 DWELL: Final = 2.0  # s, from the begin of one stair to that of the next
 
@@ -45,7 +43,7 @@ class Motion:
     wave : ndarray, shape (n,)
         Half the pressure difference that is added to that of the slow loop [Pa].
     bandwidth : float
-        Of the slow loop [1/s].
+        Of the integral part of the slow loop [1/s].
     """
 
     name: str
@@ -91,6 +89,9 @@ class Scale:
         Of the range [rad].
     per_rad : float
         Half the pressure difference that turns the joint by 1 rad, over the mean pressure [1/rad].
+    damping : float
+        Half the pressure difference per speed with which the slow loop damps the joint
+        [Pa s/rad].
     """
 
     period: float
@@ -98,22 +99,19 @@ class Scale:
     reach: float
     middle: float
     per_rad: float
+    damping: float
 
 
 def _time(scale: Scale, moving: float) -> Array:
-    count = round((REST + FILL + moving + LOWER + EMPTY) / scale.period)
+    count = round((REST + FILL + moving) / scale.period)
     time: Array = np.arange(count, dtype=np.float64) * scale.period
     return time
 
 
 def _levels(time: Array, knots: Sequence[tuple[float, float]], move: float) -> Array:
-    """Vented, then filled to the first level, then the others, then vented [share]."""
-    first, last = knots[0][1], float(time[-1]) - EMPTY - LOWER
-    inside = smooth_path(time, [(0.0, first), *knots[1:]], move)
-    ends = np.clip((time - REST) / FILL, 0.0, 1.0) * np.clip(
-        (last + LOWER - time) / LOWER, 0.0, 1.0
-    )
-    result: Array = inside * ends
+    """Vented, then filled to the first level, then the others [share]."""
+    inside = smooth_path(time, [(0.0, knots[0][1]), *knots[1:]], move)
+    result: Array = inside * np.clip((time - REST) / FILL, 0.0, 1.0)
     return result
 
 
@@ -168,7 +166,7 @@ def steps(scale: Scale, name: str, share: float, moving: float, seed: int) -> Mo
     share : float
         Static amplitude over the reach [-].
     moving : float
-        Duration without filling and emptying [s].
+        Duration without the filling [s].
     seed : int
         Of the steps.
     """

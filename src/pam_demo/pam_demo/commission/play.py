@@ -14,16 +14,18 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
-from pam_demo.commission.motion_loop import MotionLoop
-from pam_demo.commission.motions import EMPTY, LOWER, Motion, Scale, filling
+from pam_demo.commission.motion_loop import BANDWIDTH, Lowering, MotionLoop
+from pam_demo.commission.motions import Motion, Scale
 from pam_demo.commission.robot_port import Reading, RobotPort
 from pam_demo.commission.watch import Limits, Seen, watched
 from pam_driver.safety.start_up_check import NOT_EMPTY, StartUpCheck
+from pam_gap.experiments.loop import PressureLoop
 from pam_gap.recordings.recording import COMMANDS, JOINTS, PRESSURES
 from pam_model.rig import Rig
 from pam_model.robot import compose
 from pam_ros.valve_command import FLOW, PRESSURE_REGULATOR, ValveCommandFormat
 
+EMPTY: Final = 1.0  # s, of venting at the end of a motion
 TOUCH: Final = 0.4  # s, in which a valve is opened a little towards its exhaust
 TOUCH_OPENING: Final = 0.3  # of full opening, at its end
 RISEN: Final = 3e3  # Pa, that a muscle must not rise while all vent
@@ -149,18 +151,18 @@ def rest(port: RobotPort, rig: Rig, duration: float) -> None:
         port.advance(commands)
 
 
-def lower(port: RobotPort, rig: Rig, reading: Reading, scale: Scale, log: Log) -> None:
+def lower(port: RobotPort, rig: Rig, reading: Reading, log: Log) -> None:
     """Let the air out slowly from the present pressures, then vent."""
-    loop = MotionLoop(rig, filling(scale), scale)
-    begun = reading.pressures
-    count = round((LOWER + EMPTY) / port.period)
-    for k in range(count):
-        if not all(map(math.isfinite, reading.pressures)):
+    lowering = Lowering(PressureLoop(rig, 0, BANDWIDTH), reading.pressures, port.period)
+    while all(map(math.isfinite, reading.pressures)):
+        commands = lowering.commands(reading.pressures)
+        if commands is None:
             break
-        commands = loop.lowering(k * port.period, begun, reading.pressures)
         reading = port.advance(commands)
         log.add(reading, commands)
-    rest(port, rig, EMPTY)
+    commands = vented(rig)
+    for _ in range(round(EMPTY / port.period)):
+        log.add(port.advance(commands), commands)
 
 
 def play(port: RobotPort, rig: Rig, motion: Motion, scale: Scale, limits: Limits) -> Played:
@@ -184,14 +186,12 @@ def play(port: RobotPort, rig: Rig, motion: Motion, scale: Scale, limits: Limits
     for k in range(motion.level.size):
         seen, stopped = watched(seen, reading, limits)
         if stopped:
-            lower(port, rig, reading, scale, log)
             break
         shares = limits.shares(reading.pressures, seen.speed, reading.position)
         most = np.maximum(most, shares)
         commands, state = loop.step(state, k, reading)
         reading = port.advance(commands)
         log.add(reading, commands)
-    if not stopped:
-        rest(port, rig, EMPTY)
+    lower(port, rig, reading, log)
     pressure, speed, place = most.tolist()
     return Played(log.table(), stopped, (pressure, speed, place))

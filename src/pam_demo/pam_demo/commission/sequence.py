@@ -8,7 +8,7 @@ they are made, so that an interrupted commissioning goes on after the last one.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
@@ -17,7 +17,7 @@ import pandas as pd
 
 from pam_control.references.trajectory import TrajectoryPoint
 from pam_demo.commission.kept import Kept
-from pam_demo.commission.knowledge import Known, as_written, narrowed
+from pam_demo.commission.knowledge import Known, as_written, easily_turned, narrowed
 from pam_demo.commission.least_favourable import Permitted, least_favourable, permitted
 from pam_demo.commission.motion_loop import scale_of
 from pam_demo.commission.motions import Motion, Scale, filling, staircase, steps
@@ -43,6 +43,9 @@ from pam_model.rig.partial import PartialRig
 
 Tell = Callable[[str], None]
 Ask = Callable[[str], bool]
+FILLING, WITHHELD = "filling", "withheld"
+COARSE: Final = 2.0
+"""Sample time of the recordings between two motions, over the period of the port."""
 QUICK: Final = CalibrationRules(rounds=1, last_steps=6, kept_steps=2)
 """For the numbers between two motions; the last identification takes all its steps."""
 FULL: Final = CalibrationRules()
@@ -154,12 +157,13 @@ class Commissioning:
         """Go through the sequence."""
         result = self.result
         try:
-            self._check()
             known = as_written(self.partial, self.said, FULL)
-            rig, seen = self.partial.rig, []
+            self._check(known)
+            rig = self.partial.rig
+            seen: dict[str, pd.DataFrame] = {}
             for names, rules in ((("filling", "staircase"), QUICK), (("steps",), QUICK),
                                  (("fast", "withheld"), FULL)):  # fmt: skip
-                seen += self._motions(names, rig, known)
+                seen |= self._motions(names, rig, known)
                 self._identify(seen, rules)
                 assert result.calibration is not None
                 if result.calibration.rig is not None:
@@ -178,7 +182,7 @@ class Commissioning:
         if not self.ask(what):
             raise EndedError(f"not allowed: {what}")
 
-    def _check(self) -> None:
+    def _check(self, known: Sequence[Known]) -> None:
         if self.kept.checked:
             self.tell("start-up check: passed before")
             return
@@ -187,7 +191,7 @@ class Commissioning:
         reason = touch(self.port, rig)
         if reason:
             raise EndedError(reason)
-        findings = start_up_check(self.port, rig)
+        findings = start_up_check(self.port, easily_turned(rig, known, self.said))
         if findings:
             raise EndedError(" ".join(f"Start-up check: {one}." for one in findings))
         self.tell("start-up check: valves, hoses, sensors and encoder belong together")
@@ -202,23 +206,26 @@ class Commissioning:
             "withheld": lambda: steps(scale, "withheld", 0.8, 15.0, 3),
         }[name]()
 
-    def _motions(self, names: Sequence[str], rig: Rig, known: Sequence[Known]) -> list[Recording]:
+    def _motions(
+        self, names: Sequence[str], rig: Rig, known: Sequence[Known]
+    ) -> dict[str, pd.DataFrame]:
         """Play what has not been played yet, as large as the least favourable robot permits."""
         scale, limits = scale_of(rig, self.port.period), Limits.of(rig)
-        found, robots = [], None
+        found: dict[str, pd.DataFrame] = {}
+        robots: Sequence[Mapping[str, float]] | None = None
         for name in names:
             table = self.kept.recording(name)
             if table is None:
                 motion = self._made(name, scale)
                 if robots is None:
-                    judged = self._made(names[-1] if name == "filling" else name, scale)
+                    judged = self._made(names[-1] if name == FILLING else name, scale)
                     robots = least_favourable(rig, known, judged, scale, limits)
                 allowed = permitted(rig, robots, motion, scale, limits)
                 table = self._play(motion, allowed, rig, scale, limits)
             else:
                 self.tell(f"{name}: recorded before")
-            if name not in ("filling",):
-                found.append(as_recording(table, name))
+            if name != FILLING:  # it shows little of any number
+                found[name] = table
         return found
 
     def _play(
@@ -252,9 +259,11 @@ class Commissioning:
                   "permitted pressure")  # fmt: skip
         return played.table
 
-    def _identify(self, seen: Sequence[Recording], rules: CalibrationRules) -> None:
-        withheld = [one for one in seen if one.source.stem == "withheld"]
-        fitted = [one for one in seen if one not in withheld]
+    def _identify(self, seen: Mapping[str, pd.DataFrame], rules: CalibrationRules) -> None:
+        step = None if rules is FULL else COARSE * self.port.period
+        read = {name: as_recording(table, name, step) for name, table in seen.items()}
+        withheld = [read.pop(WITHHELD)] if WITHHELD in read else []
+        fitted = list(read.values())
         found = calibrate_joint(
             self.partial, 0, fitted, withheld, said=self.said, rules=rules, threads=self.threads
         )
@@ -315,7 +324,7 @@ def _permitted(tracked: Tracked) -> bool:
     )
 
 
-def as_recording(table: pd.DataFrame, name: str) -> Recording:
-    """A recording as the import of a table makes it."""
+def as_recording(table: pd.DataFrame, name: str, step: float | None = None) -> Recording:
+    """A recording as the import of a table makes it, at its own sample time or another one [s]."""
     columns = {c: table[c].to_numpy(dtype=float) for c in table.columns if c != "time"}
-    return resample(from_columns(Path(name), table["time"].to_numpy(dtype=float), columns))
+    return resample(from_columns(Path(name), table["time"].to_numpy(dtype=float), columns), step)

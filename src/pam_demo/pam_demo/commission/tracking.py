@@ -19,9 +19,7 @@ from pam_control.controller import Controller
 from pam_control.lowering import LoweringPhase
 from pam_control.references.trajectory import CommandError, TrajectoryPoint
 from pam_control.settings import ControlSettings
-from pam_demo.commission.motion_loop import scale_of
-from pam_demo.commission.motions import EMPTY
-from pam_demo.commission.play import Log, lower, rest, vented
+from pam_demo.commission.play import EMPTY, Log, lower, rest, vented
 from pam_demo.commission.robot_port import Reading, RobotPort
 from pam_demo.commission.watch import Limits, Seen, watched
 from pam_model.errors import PamError
@@ -172,7 +170,7 @@ def track(
         reading = port.advance(commands)
         log.add(reading, commands)
     if stopped:
-        lower(port, controller.rig, reading, scale_of(controller.rig, port.period), log)
+        lower(port, controller.rig, reading, log)
     else:
         _lower_by(port, controller, reading)
     table = pd.DataFrame(np.array(rows).reshape(-1, 3), columns=COLUMNS)

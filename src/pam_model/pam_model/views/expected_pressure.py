@@ -3,8 +3,9 @@
 `ExpectedPressure` has the numbers of one muscle, `init` gives its state and `step` advances the
 state by one period: an open-loop model, which an observer corrects with the measurements.
 
-The flow follows ISO 6358, the chamber is polytropic, the spool a first-order lag; the pressure that
-a regulator drives at follows its set point with two poles. The joint's angle is held within the position limits. Behind a tube, the sensor's pressure is that at the valve.
+The flow follows ISO 6358, the chamber is polytropic, the spool a first-order lag; what a regulator
+aims at follows its set point with two poles. The joint's angle is held within the position limits.
+Behind a tube, the sensor's pressure is that at the valve.
 """
 
 from __future__ import annotations
