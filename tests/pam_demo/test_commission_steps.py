@@ -18,7 +18,7 @@ from pam_demo.commission.least_favourable import (
     least_favourable,
     permitted,
 )
-from pam_demo.commission.motion_loop import scale_of
+from pam_demo.commission.motion_loop import NEARLY_EMPTY, scale_of
 from pam_demo.commission.motions import filling, staircase, steps
 from pam_demo.commission.play import play, start_up_check, touch
 from pam_demo.commission.robot_port import Reading
@@ -209,3 +209,20 @@ def test_a_motion_that_is_ended_lets_the_air_out_slowly(elbow: Rig) -> None:
     assert highest[end] < 0.09 * scale.highest
     assert highest[end + 250] > 0.5 * highest[end]  # 1 s later, of 3 s
     assert highest[-1] < 2e3
+
+
+def test_in_a_lowering_the_muscle_with_the_faster_valve_waits_for_the_other_one(elbow: Rig) -> None:
+    """Otherwise a joint that gravity does not hold would turn to its end."""
+    free = elbow.with_joint(replace(elbow.joints[0], gravity_torque=0.0))
+    slow = free.muscle("elbow_flexor")
+    valve = replace(slow.valve, sonic_conductance=0.3 * slow.valve.sonic_conductance)
+    true = free.with_muscle(replace(slow, valve=valve, dead_volume=2.0 * slow.dead_volume))
+    scale, limits = scale_of(free, PERIOD), Limits.of(free)
+    port = WiredPort(true)
+    played = play(port, free, filling(scale), scale, limits)
+    assert not played.stopped
+    position = np.array([one.position for one in port.truth])
+    pressures = np.array([one.pressures for one in port.truth])
+    full = pressures.max(axis=1) > NEARLY_EMPTY
+    assert np.abs(position[full]).max() < 0.35
+    assert pressures[-1].max() < NEARLY_EMPTY
