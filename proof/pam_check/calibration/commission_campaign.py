@@ -65,6 +65,8 @@ class Result:
         infinite where it was not followed.
     told : str
         Why the test was not followed with the identified file; empty if it was.
+    apart : float
+        Largest difference between the references that both files let the controller follow [rad].
     """
 
     rig: int
@@ -79,6 +81,7 @@ class Result:
     before: float = math.nan
     true: float = math.nan
     told: str = ""
+    apart: float = math.nan
 
     @property
     def is_within_limits(self) -> bool:
@@ -160,6 +163,11 @@ def commission(
         true = _with_true_file(true_rig_file(partial.rig, drawn), drawn, done)
         result.true, result.after = true.rms, done.after.rms
         result.told = done.after.stopped
+        both = done.after.table["reference"], true.table["reference"]
+        count = min(map(len, both))
+        if count:
+            first, second = (one.to_numpy()[:count] for one in both)
+            result.apart = float(np.abs(first - second).max())
         result.before = done.before.rms if done.before else math.nan
     (folder / f"{rig:03d}" / "told.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
     return result, done

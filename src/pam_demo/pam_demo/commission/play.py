@@ -110,7 +110,7 @@ def touch(port: RobotPort, rig: Rig) -> str:
                 port.advance(shut)
                 other = joint.muscles[risen.index(max(risen))]
                 return (
-                    f"The valve of {joint.muscles[side]} fills {other} when it is told to vent: "
+                    f"The valve of {joint.muscles[side]} fills {other} when its command is to vent: "
                     "the sign of its command is reversed, or supply and exhaust are exchanged."
                 )
     return ""
