@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -88,7 +89,7 @@ def test_every_exchange_is_told_before_anything_moves_far(elbow: Rig, exchanged:
     assert max(max(one.pressures) for one in port.truth) < 0.15 * elbow.muscles[0].max_pressure
     assert max(abs(one.position - port.truth[0].position) for one in port.truth) < 0.2
     if exchanged in EXCHANGES[2:]:
-        assert "the sign of its command is reversed" in reason
+        assert "sign of its command is reversed" in reason
         assert max(max(one.pressures) for one in port.truth) < 2e4
 
 
@@ -226,3 +227,23 @@ def test_in_a_lowering_the_muscle_with_the_faster_valve_waits_for_the_other_one(
     full = pressures.max(axis=1) > NEARLY_EMPTY
     assert np.abs(position[full]).max() < 0.35
     assert pressures[-1].max() < NEARLY_EMPTY
+
+
+def test_at_a_signal_the_air_is_let_out_slowly(elbow: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    scale = scale_of(elbow, PERIOD)
+    port = WiredPort(elbow)
+    advance = port.advance
+
+    def interrupted(commands: Sequence[float]) -> Reading:
+        reading = advance(commands)
+        if len(port.truth) == 1200:
+            raise KeyboardInterrupt
+        return reading
+
+    monkeypatch.setattr(port, "advance", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        play(port, elbow, filling(scale), scale, Limits.of(elbow))
+    highest = [max(one.pressures) for one in port.truth]
+    assert highest[1200] > 5e4
+    assert highest[1325] > 0.5 * highest[1200]  # half a second later
+    assert highest[-1] < NEARLY_EMPTY

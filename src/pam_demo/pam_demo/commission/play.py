@@ -110,8 +110,8 @@ def touch(port: RobotPort, rig: Rig) -> str:
                 port.advance(shut)
                 other = joint.muscles[risen.index(max(risen))]
                 return (
-                    f"The valve of {joint.muscles[side]} fills {other} when its command is to vent: "
-                    "the sign of its command is reversed, or supply and exhaust are exchanged."
+                    f"The valve of {joint.muscles[side]} fills {other} when it should vent: the "
+                    "sign of its command is reversed, or supply and exhaust are exchanged."
                 )
     return ""
 
@@ -175,7 +175,7 @@ def play(port: RobotPort, rig: Rig, motion: Motion, scale: Scale, limits: Limits
     rig : Rig
         With one joint, by which the loop is made.
     motion, scale, limits : Motion, Scale, Limits
-        What is played.
+        What is played. Whatever ends it, the air is let out slowly.
     """
     loop, log = MotionLoop(rig, motion, scale), Log(rig)
     commands = vented(rig)
@@ -183,15 +183,17 @@ def play(port: RobotPort, rig: Rig, motion: Motion, scale: Scale, limits: Limits
     log.add(reading, commands)
     state, seen, stopped = loop.init(reading.position), Seen(), ""
     most = np.zeros(3)
-    for k in range(motion.level.size):
-        seen, stopped = watched(seen, reading, limits)
-        if stopped:
-            break
-        shares = limits.shares(reading.pressures, seen.speed, reading.position)
-        most = np.maximum(most, shares)
-        commands, state = loop.step(state, k, reading)
-        reading = port.advance(commands)
-        log.add(reading, commands)
-    lower(port, rig, reading, log)
+    try:
+        for k in range(motion.level.size):
+            seen, stopped = watched(seen, reading, limits)
+            if stopped:
+                break
+            shares = limits.shares(reading.pressures, seen.speed, reading.position)
+            most = np.maximum(most, shares)
+            commands, state = loop.step(state, k, reading)
+            reading = port.advance(commands)
+            log.add(reading, commands)
+    finally:  # also at Ctrl-C
+        lower(port, rig, reading, log)
     pressure, speed, place = most.tolist()
     return Played(log.table(), stopped, (pressure, speed, place))

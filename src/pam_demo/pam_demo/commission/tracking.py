@@ -138,44 +138,48 @@ def track(
     limits : Limits
         Of the joint.
     """
-    name = controller.rig.joints[0].name
+    rig = controller.rig
+    name = rig.joints[0].name
     controller.drop_commands()
     controller.forget_adaptation()
-    log = Log(controller.rig)
+    log = Log(rig)
     rows: list[tuple[float, float, float]] = []
     seen, stopped, most = Seen(), "", np.zeros(3)
-    reading = port.advance(vented(controller.rig))
+    reading = port.advance(vented(rig))
     where = float(points[-1].positions[0])
     way = [TrajectoryPoint(APPROACH, [where], [0.0], [0.0])]
     begin = reading.time + SETTLE + APPROACH + REST
     due = [(reading.time + SETTLE, way), (begin, list(points))]
     end = begin + points[-1].time_from_start
-    while reading.time <= end:
-        now = reading.time
-        seen, stopped = watched(seen, reading, limits)
-        if not stopped and due and now >= due[0][0]:
-            stopped = _follow(controller, name, due.pop(0)[1], now)
-        if stopped:
-            break
-        most = np.maximum(most, limits.shares(reading.pressures, seen.speed, reading.position))
-        measured = Measurement([reading.position], list(reading.pressures), now, now)
-        output = controller.step(now, measured)
-        if output.commands is None:
-            stopped = output.reason
-            break
-        if not due:
-            reference = controller.references.sample(name, now).position
-            rows.append((now - begin, reference, reading.position))
-        commands = (output.commands[0], output.commands[1])
-        reading = port.advance(commands)
-        log.add(reading, commands)
-    if stopped:
-        lower(port, controller.rig, reading, log)
-    else:
-        _lower_by(port, controller, reading)
+    followed = False
+    try:
+        while reading.time <= end and not stopped:
+            now = reading.time
+            seen, stopped = watched(seen, reading, limits)
+            if not stopped and due and now >= due[0][0]:
+                stopped = _follow(controller, name, due.pop(0)[1], now)
+            if stopped:
+                break
+            most = np.maximum(most, limits.shares(reading.pressures, seen.speed, reading.position))
+            measured = Measurement([reading.position], list(reading.pressures), now, now)
+            output = controller.step(now, measured)
+            if output.commands is None:
+                stopped = output.reason
+                break
+            if not due:
+                reference = controller.references.sample(name, now).position
+                rows.append((now - begin, reference, reading.position))
+            commands = (output.commands[0], output.commands[1])
+            reading = port.advance(commands)
+            log.add(reading, commands)
+        followed = bool(rows) and not stopped
+    finally:  # also at Ctrl-C
+        if followed:
+            _lower_by(port, controller, reading)
+        else:
+            lower(port, rig, reading, log)
     table = pd.DataFrame(np.array(rows).reshape(-1, 3), columns=COLUMNS)
     error = (table["reference"] - table["position"]).to_numpy()
-    followed = bool(error.size) and not stopped
     pressure, speed, place = most.tolist()
     return Tracked(
         float(np.sqrt(np.mean(error**2))) if followed else math.inf,
