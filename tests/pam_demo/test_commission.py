@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import argparse
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +14,10 @@ import yaml
 
 import pam_demo.commission.sequence as sequence_module
 from pam_demo.__main__ import main
-from pam_demo.commission.commission import to_document, write_results
+from pam_demo.commission.commission import run, to_document, write_results
 from pam_demo.commission.kept import Kept
 from pam_demo.commission.page import render
-from pam_demo.commission.sequence import Commissioned, Commissioning
+from pam_demo.commission.sequence import Commissioned, Commissioning, EndedError
 from pam_demo.commission.tracking import reaches
 from pam_gap.calibration.calibration import Calibration
 from pam_gap.calibration.free_numbers import Said
@@ -193,3 +195,38 @@ def test_a_rough_elbow_tracks_in_the_end(rough: Path, tmp_path: Path, elbow: Rig
     assert ratio == pytest.approx(1.0, rel=0.1)
     assert answer["gains"]
     assert "Commissioned" in (out / "commission.html").read_text()
+
+
+@pytest.mark.usefixtures("quick_limits")
+def test_recordings_of_one_robot_do_not_pass_for_those_of_another(
+    rough: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As when it is tried on a simulated robot first, and then started on the real one."""
+    out = tmp_path / "out"
+    opened: list[str] = []
+
+    @contextmanager
+    def open_port(*given: Any) -> Iterator[WiredPort]:
+        opened.append(given[1])
+        yield WiredPort(load_rig(ELBOW))
+
+    def ask(what: str) -> bool:
+        return "small steps" not in what
+
+    given = argparse.Namespace(
+        rig=rough, out=out, joint="", namespace="", rate=250.0, tolerance=0.3,
+        length_tolerance=0.05, simulate=ELBOW, yes=True,
+    )  # fmt: skip
+    for number, simulate in enumerate((ELBOW, ELBOW, None)):
+        given.simulate = simulate
+        with pytest.MonkeyPatch.context() as patch:  # `yes` allows all, so that is what is changed
+            patch.setattr(Commissioning, "_allowed", lambda self, what: _refused(self, what, ask))
+            run(given, open_port)
+        text = capsys.readouterr().out
+        assert ("filling: recorded before" in text) == (number == 1)
+    assert opened == ["elbow"]
+
+
+def _refused(self: Commissioning, what: str, ask: Callable[[str], bool]) -> None:
+    if not ask(what):
+        raise EndedError(f"not allowed: {what}")

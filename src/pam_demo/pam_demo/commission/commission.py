@@ -114,7 +114,7 @@ def commission(
     port: RobotPort,
     partial: PartialRig,
     name: str,
-    rig_text: str,
+    task: str,
     out: Path,
     said: Said,
     ask: Ask,
@@ -130,8 +130,8 @@ def commission(
         The whole rig file.
     name : str
         Of the joint.
-    rig_text : str
-        Content of the rig file, by which an interrupted commissioning is known again.
+    task : str
+        Robot, rig file and settings, by which an interrupted commissioning is known again.
     out : Path
         Folder of recordings and results.
     said : Said
@@ -145,7 +145,7 @@ def commission(
     def tell(line: str) -> None:
         print(line, flush=True)
 
-    kept = Kept(out, f"{name}\n{rig_text}")
+    kept = Kept(out, task)
     alone = one_joint(partial, name)
     done = Commissioning(port, alone, said, kept, tell, ask, threads).run()
     write_results(partial, name, done, out)
@@ -176,13 +176,17 @@ def run(given: Arguments, open_port: OpenPort, ask: Ask = asked_on_terminal) -> 
     if not given.yes and not sys.stdin.isatty():
         raise PamError("commission asks before every step: start it on a terminal, or give --yes")
     asked: Ask = (lambda _: True) if given.yes else ask
-    text, period = path.read_text(encoding="utf-8"), 1.0 / given.rate
+    period = 1.0 / given.rate
+    robot = f"robot {given.namespace}"
+    if given.simulate is not None:
+        robot = f"simulated {given.simulate.read_text(encoding='utf-8')}"
+    task = "\n".join([name, repr(said), repr(period), robot, path.read_text(encoding="utf-8")])
     if given.simulate is not None:
         true = one_joint(PartialRig(load_rig(given.simulate), {}, frozenset()), name).rig
-        done = commission(SimulatedPort(true, period), partial, name, text, given.out, said, asked)
+        done = commission(SimulatedPort(true, period), partial, name, task, given.out, said, asked)
     else:
         with open_port(partial.rig, name, period, given.namespace) as port:
-            done = commission(port, partial, name, text, given.out, said, asked)
+            done = commission(port, partial, name, task, given.out, said, asked)
     print(f"written: {given.out}")
     bad = [done.ended] if done.ended else []
     return Outcome({"out": given.out, **to_document(name, done)}, bad)

@@ -1,7 +1,8 @@
 """What a commissioning keeps as it goes: recordings, and how far it has come.
 
 A commissioning that was interrupted goes on after the last recording that is complete. It begins
-anew for another rig file.
+anew for another rig file, other settings or another robot: recordings of a simulated one must not
+pass for those of the real one.
 """
 
 from __future__ import annotations
@@ -24,8 +25,8 @@ class Kept:
     ----------
     folder : Path
         It is made.
-    rig_text : str
-        Content of the rig file; what was kept for another one is not used.
+    task : str
+        Robot, rig file and settings; what was kept for other ones is not used.
 
     Attributes
     ----------
@@ -35,17 +36,17 @@ class Kept:
         Time of the recordings [s].
     """
 
-    def __init__(self, folder: Path, rig_text: str) -> None:
+    def __init__(self, folder: Path, task: str) -> None:
         self.folder = folder
         (folder / RECORDINGS).mkdir(parents=True, exist_ok=True)
-        self._digest = hashlib.sha256(rig_text.encode()).hexdigest()
+        self._digest = hashlib.sha256(task.encode()).hexdigest()
         self.checked, self.seconds = False, 0.0
         self._names: list[str] = []
         path = folder / STATE
         if path.is_file():
             with reading(path, "the state of a commissioning"):
                 state = json.loads(path.read_text(encoding="utf-8"))
-                if state["rig"] == self._digest:
+                if state["task"] == self._digest:
                     self.checked = bool(state["checked"])
                     self.seconds = float(state["seconds"])
                     self._names = [str(name) for name in state["recordings"]]
@@ -54,7 +55,7 @@ class Kept:
         return self.folder / RECORDINGS / f"{name}.csv"
 
     def _write(self) -> None:
-        state = {"rig": self._digest, "checked": self.checked, "seconds": self.seconds,
+        state = {"task": self._digest, "checked": self.checked, "seconds": self.seconds,
                  "recordings": self._names}  # fmt: skip
         path = self.folder / STATE
         new = path.with_suffix(".new")
