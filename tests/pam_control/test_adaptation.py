@@ -12,7 +12,6 @@ from pam_control.adaptation.motion_functions import MotionMemory
 from pam_control.adaptation.recursive_fit import CORRELATED, RecursiveFit, Suspect
 from pam_control.adaptation.tube_pressure import TubePressure
 from pam_control.controller import Controller
-from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.feedback.pid import handed_over
 from pam_control.feedback.pressure_loop import (
     PressureDemand,
@@ -28,7 +27,6 @@ from pam_model.joints.antagonistic_joint import AntagonisticJoint
 from pam_model.robot import compose
 
 SETTLE = 1.0
-DESIGNS = KeptDesigns()
 PAYLOAD = {"payload.mass": 0.5, "payload.distance": 0.2}
 STEP = 0.002
 SUPPLY = 7e5  # Pa absolute
@@ -37,7 +35,7 @@ VISCOUS = 3  # index of the weight of the speed
 
 def law(rig, **settings):
     asked = ControlSettings(**{"adaptation": True, **settings})
-    return Controller(rig, asked, DESIGNS)
+    return Controller(rig, asked)
 
 
 def played(closed_loop, controller, motion, **options):
