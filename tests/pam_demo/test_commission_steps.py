@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pam_demo.commission.knowledge import Known, as_written, narrowed
+from pam_demo.commission.knowledge import Known, as_written, easily_turned, narrowed
 from pam_demo.commission.least_favourable import (
     PLANNED,
     Foreseen,
@@ -97,6 +97,22 @@ def test_a_rightly_wired_robot_passes(elbow: Rig) -> None:
     port = WiredPort(elbow)
     assert touch(port, elbow) == ""
     assert start_up_check(port, elbow) == ()
+
+
+@pytest.mark.parametrize("heavier", [1.0, 2.0, 3.0, 4.0, 6.0])
+def test_a_free_joint_that_is_lighter_than_its_file_says_passes(elbow: Rig, heavier: float) -> None:
+    """The driver's check with the file as it is takes such a joint for a wrong one."""
+    joint = elbow.joints[0]
+    written = elbow.with_joint(
+        replace(joint, gravity_torque=0.0, inertia=heavier * joint.inertia, viscous_friction=0.05)
+    )
+    true = written.with_joint(replace(written.joints[0], inertia=0.7 * heavier * joint.inertia))
+    for muscle in true.muscles:
+        true = true.with_muscle(
+            replace(muscle, turns=0.95 * muscle.turns, neutral_length=1.03 * muscle.neutral_length)
+        )
+    known = as_written(PartialRig(written, {}, frozenset()), SAID, CalibrationRules())
+    assert start_up_check(WiredPort(true), easily_turned(written, known, SAID)) == ()
 
 
 def test_a_robot_that_is_not_empty_is_not_touched(elbow: Rig) -> None:

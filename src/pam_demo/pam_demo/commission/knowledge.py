@@ -93,13 +93,18 @@ PULL_PER_LENGTH: Final = 9.0
 worst: 1 of r, 2 of n, 4 of L and 2 of b at L = 0.82 b [-]."""
 
 
+COASTS: Final = 3.0
+"""A joint that hardly anything holds goes on turning after a pulse, by this factor at most [-]."""
+
+
 def easily_turned(rig: Rig, known: Sequence[Known], said: Said) -> Rig:
     """The rig that a test pulse turns furthest, of those within the intervals.
 
     Lengths stay as they are written, so that they fit each other; instead, inertia and weight are
-    smaller by as much as the pull may be stronger.
+    smaller by as much as the pull may be stronger. The check then ends a pulse as soon as the joint
+    has turned enough to be seen.
     """
-    joint, pull = rig.joint_names[0], math.exp(PULL_PER_LENGTH * said.lengths)
+    joint, pull = rig.joint_names[0], COASTS * math.exp(PULL_PER_LENGTH * said.lengths)
     for one in known:
         if one.name in ("joint.inertia", "joint.gravity_torque"):
             rig = with_number(rig, joint, one.name, one.low / pull)
