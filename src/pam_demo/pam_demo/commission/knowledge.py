@@ -16,6 +16,7 @@ from pam_gap.answer.improved_rig import with_number
 from pam_gap.calibration.calibration import KEPT, CalibratedNumber
 from pam_gap.calibration.calibration_rules import CalibrationRules
 from pam_gap.calibration.free_numbers import STATICS, FreeNumber, Said, free_numbers
+from pam_model.joints.antagonistic_joint import AntagonisticJoint
 from pam_model.plant.parameters import NAMES, PlantParameters
 from pam_model.rig import Rig
 from pam_model.rig.partial import PartialRig
@@ -91,6 +92,32 @@ def _numbers(partial: PartialRig, said: Said, rules: CalibrationRules) -> list[F
 PULL_PER_LENGTH: Final = 9.0
 """Relative change of r (3 L^2 - b^2)/(4 pi n^2) for that of its lengths and turns, all at their
 worst: 1 of r, 2 of n, 4 of L and 2 of b at L = 0.82 b [-]."""
+
+
+LENGTHENING: Mapping[str, bool] = {"thread_length": True, "neutral_length": False}
+"""Whether a larger number lets a muscle reach further: it cannot be longer than its threads."""
+SHARES: Final = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
+
+
+def reaching_limits(rig: Rig, known: Sequence[Known]) -> Rig:
+    """The rig whose muscles reach both position limits, as near to what is written as possible.
+
+    The robot does reach them, so lengths with which it could not are wrong. They are changed within
+    their intervals; the rig is returned as changed most if that is not enough.
+    """
+    joint = rig.joints[0]
+    lower, upper = joint.position_limits
+    changed = rig
+    for share in SHARES:
+        for one in known:
+            longer = LENGTHENING.get(one.name.rpartition(".")[2])
+            if longer is not None:
+                value = one.value + share * ((one.high if longer else one.low) - one.value)
+                changed = with_number(changed, joint.name, one.name, value)
+        low, high = AntagonisticJoint.from_rig(changed).position_range
+        if low <= lower and upper <= high:
+            break
+    return changed
 
 
 COASTS: Final = 3.0

@@ -17,7 +17,13 @@ import pandas as pd
 
 from pam_control.references.trajectory import TrajectoryPoint
 from pam_demo.commission.kept import Kept
-from pam_demo.commission.knowledge import Known, as_written, easily_turned, narrowed
+from pam_demo.commission.knowledge import (
+    Known,
+    as_written,
+    easily_turned,
+    narrowed,
+    reaching_limits,
+)
 from pam_demo.commission.least_favourable import Permitted, least_favourable, permitted
 from pam_demo.commission.motion_loop import scale_of
 from pam_demo.commission.motions import Motion, Scale, filling, staircase, steps
@@ -157,9 +163,9 @@ class Commissioning:
         """Go through the sequence."""
         result = self.result
         try:
-            known = as_written(self.partial, self.said, FULL)
-            self._check(known)
-            rig = self.partial.rig
+            rig = reaching_limits(self.partial.rig, as_written(self.partial, self.said, FULL))
+            known = as_written(replace(self.partial, rig=rig), self.said, FULL)
+            self._check(rig, known)
             seen: dict[str, pd.DataFrame] = {}
             for names, rules in ((("filling", "staircase"), QUICK), (("steps",), QUICK),
                                  (("fast", "withheld"), FULL)):  # fmt: skip
@@ -182,12 +188,11 @@ class Commissioning:
         if not self.ask(what):
             raise EndedError(f"not allowed: {what}")
 
-    def _check(self, known: Sequence[Known]) -> None:
+    def _check(self, rig: Rig, known: Sequence[Known]) -> None:
         if self.kept.checked:
             self.tell("start-up check: passed before")
             return
         self._allowed("open each valve for a moment, and give each muscle a small test pulse")
-        rig = self.partial.rig
         reason = touch(self.port, rig)
         if reason:
             raise EndedError(reason)
