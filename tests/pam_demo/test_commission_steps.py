@@ -194,6 +194,11 @@ def test_a_motion_is_made_smaller_until_the_least_favourable_robot_may_play_it(e
     allowed = permitted(elbow, [{}], motion, scale, limits, proportional)
     assert allowed.share == 0.45
     assert allowed.worst.is_permitted
+    slow = permitted(
+        elbow, [{}], motion, scale, limits,
+        lambda *given: Foreseen(0.5, 0.6 * given[2].bandwidth / motion.bandwidth, 0.5),
+    )  # fmt: skip
+    assert (slow.share, slow.pace) == (1.0, 0.5)
     none = permitted(elbow, [{}], motion, scale, limits, lambda *_: Foreseen(2.0, 0.1, 0.1))
     assert none.share == 0.0
 

@@ -20,6 +20,8 @@ import yaml
 from pam_check.blind.variety import draw_variety
 from pam_check.calibration.campaign import TOLERANCES
 from pam_check.calibration.drawn_rig import (
+    EXCHANGES,
+    OF_FLOW_VALVES,
     TrueRig,
     draw_exchange,
     draw_true_rig,
@@ -28,13 +30,13 @@ from pam_check.calibration.drawn_rig import (
 )
 from pam_check.calibration.truth_port import TruthPort
 from pam_demo.commission.kept import Kept
-from pam_demo.commission.sequence import Commissioned, Commissioning
+from pam_demo.commission.sequence import Commissioned, Commissioning, EndedError
 from pam_demo.commission.tracking import Tracked, controller_for, not_possible, track
 from pam_demo.commission.watch import Limits
 from pam_model.command_line import Arguments, Outcome
 from pam_model.errors import PamError
 from pam_model.rig import Rig, rig_from_parameters
-from pam_model.rig.partial import load_partial_rig
+from pam_model.rig.partial import PartialRig, load_partial_rig
 
 PERIOD: Final = 0.004  # s
 MOST_SECONDS: Final = 600.0
@@ -124,6 +126,17 @@ def true_rig_file(written: Rig, drawn: TrueRig) -> Rig:
     return rig_from_parameters(tree)
 
 
+def _drawn(rig: int, random: np.random.Generator, folder: Path) -> tuple[TrueRig, str, PartialRig]:
+    """A drawn rig, what is exchanged on it, and its rig file, which is written."""
+    kind = replace(draw_variety(random, regulators=True), slow=False, rows=1)
+    drawn = draw_true_rig(random, kind)
+    what = draw_exchange(random, drawn.muscles[0].regulator == 0.0)
+    path = folder / f"{rig:03d}.yaml"
+    tree = written_numbers(random, drawn.joint, *drawn.muscles)
+    path.write_text(yaml.safe_dump({"/**": {"ros__parameters": tree}}), encoding="utf-8")
+    return drawn, what, load_partial_rig(path)
+
+
 def commission(
     rig: int, random: np.random.Generator, folder: Path, exchanged: str | None = None
 ) -> tuple[Result, Commissioned]:
@@ -140,19 +153,14 @@ def commission(
     exchanged : str, optional
         What is exchanged; drawn by default.
     """
-    kind = replace(draw_variety(random, regulators=True), slow=False, rows=1)
-    drawn = draw_true_rig(random, kind)
-    what = draw_exchange(random, drawn.muscles[0].regulator == 0.0)
+    drawn, what, partial = _drawn(rig, random, folder)
     what = what if exchanged is None else exchanged
-    path = folder / f"{rig:03d}.yaml"
-    tree = written_numbers(random, drawn.joint, *drawn.muscles)
-    path.write_text(yaml.safe_dump({"/**": {"ros__parameters": tree}}), encoding="utf-8")
-    partial = load_partial_rig(path)
+    text = (folder / f"{rig:03d}.yaml").read_text(encoding="utf-8")
     port = TruthPort(drawn, what, PERIOD, MOST_SECONDS + SPARE, rig)
     lines: list[str] = []
     began = time.process_time()
     done = Commissioning(
-        port, partial, TOLERANCES, Kept(folder / f"{rig:03d}", path.read_text(encoding="utf-8")),
+        port, partial, TOLERANCES, Kept(folder / f"{rig:03d}", text),
         lines.append, lambda _: True,
     ).run()  # fmt: skip
     result = Result(
@@ -258,3 +266,48 @@ def run(given: Arguments) -> Outcome:
     if found["exchanged_told"] < found["exchanged"]:
         bad.append(f"{found['exchanged'] - found['exchanged_told']} exchanges were not told")
     return Outcome({"out": str(folder), **found}, bad)
+
+
+def run_wiring(given: Arguments) -> Outcome:
+    """Only the start-up check, with each exchange; the command of `commands.calibration`."""
+    folder = Path(given.out)
+    folder.mkdir(parents=True, exist_ok=True)
+    right, exchanged, pressure = [], [], 0.0
+    bad = []
+    for rig in range(given.rigs):
+        random = np.random.default_rng([given.seed, rig])
+        drawn, _, partial = _drawn(rig, random, folder)
+        is_flow = drawn.muscles[0].regulator == 0.0
+        for what in ("", *EXCHANGES):
+            if what in OF_FLOW_VALVES and not is_flow:
+                continue
+            port = TruthPort(drawn, what, PERIOD, SPARE, rig)
+            kept = Kept(folder / f"{rig:03d}_{what.replace(' ', '_')}", "")
+            said = ""
+            try:
+                Commissioning(port, partial, TOLERANCES, kept, silent, lambda _: True).check()
+            except EndedError as error:
+                said = str(error)
+            passed = not said
+            limits = Limits.of(partial.rig)
+            pressure = max(pressure, _use_of_limits(port, limits)[0])
+            (exchanged if what else right).append(passed)
+            if passed == bool(what):
+                bad.append(f"rig {rig}, {what or 'nothing exchanged'}: {said[:90]}")
+    found = {
+        "rigs": given.rigs,
+        "passed": sum(right),
+        "told": len(exchanged) - sum(exchanged),
+        "exchanges": len(exchanged),
+        "pressure": pressure,
+    }
+    print(
+        f"{found['passed']} of {found['rigs']} rightly wired rigs pass the start-up check; "
+        f"{found['told']} of {found['exchanges']} exchanges are found by it, with at most "
+        f"{pressure:.1%} of the highest pressure in a muscle"
+    )
+    return Outcome({"out": str(folder), **found}, bad)
+
+
+def silent(_: str) -> None:
+    """Tell nobody."""

@@ -66,7 +66,7 @@ def as_written(partial: PartialRig, said: Said, rules: CalibrationRules) -> tupl
     known = []
     for one in _numbers(partial, said, rules):
         value = one.free.centre
-        if one.written is None:
+        if one.written is None and not one.free.prior > 0.0:
             low, high = value / UNKNOWN, value * UNKNOWN
         elif one.key in partial.ranges:
             low, high = partial.ranges[one.key]

@@ -41,6 +41,7 @@ SCREENED, PERIOD = 0.016, 0.008
 """Periods of the loop in a simulated motion [s]: on the robots of the design, and on the worst."""
 STEP: Final = 5e-4  # s, of the integration
 SHARES: Final = (1.0, 0.8, 0.6, 0.45, 0.3, 0.2, 0.1)
+PACES: Final = (1.0, 0.5, 0.25)
 LENGTH_SHARES: Final = (1.0, 0.8, 0.6, 0.4, 0.2, 0.0)
 SPEED_FILTER_WARM: Final = 0.5  # s, before which a vented joint may still swing
 
@@ -70,8 +71,9 @@ class Permitted:
 
     Attributes
     ----------
-    share : float
-        Of the motion as it was asked for; 0 if no size is permitted.
+    share, pace : float
+        Of the motion as it was asked for, and of the bandwidth of its slow loop; share 0 if nothing
+        is permitted.
     worst : Foreseen
         What it does on the least favourable robots.
     robots : tuple of mapping
@@ -79,6 +81,7 @@ class Permitted:
     """
 
     share: float
+    pace: float
     worst: Foreseen
     robots: tuple[Mapping[str, float], ...]
 
@@ -219,6 +222,8 @@ def permitted(
 ) -> Permitted:
     """The largest share of a motion that all these robots may play.
 
+    If even a small one is too much, it is tried with a slower loop and less co-contraction.
+
     Parameters
     ----------
     rig, motion, scale, limits
@@ -229,13 +234,14 @@ def permitted(
         `foreseen`, or another plant.
     """
     worst = Foreseen(math.inf, math.inf, math.inf)
-    for share in SHARES:
+    for pace, share in itertools.product(PACES, SHARES):
+        played = motion.smaller(share).gentler(pace)
         most = np.zeros(3)
         for robot in robots:
-            most = np.maximum(most, simulate(rig, robot, motion.smaller(share), scale, limits).all)
+            most = np.maximum(most, simulate(rig, robot, played, scale, limits).all)
             worst = Foreseen(*most.tolist())
             if not worst.is_permitted:
                 break
         else:
-            return Permitted(share, worst, tuple(robots))
-    return Permitted(0.0, worst, tuple(robots))
+            return Permitted(share, pace, worst, tuple(robots))
+    return Permitted(0.0, PACES[-1], worst, tuple(robots))

@@ -125,6 +125,9 @@ class MotionLoop:
         measured = (reading.position - state.position) / motion.period
         speed = state.speed + weight * (measured - state.speed)
         ratio, held = state.ratio, 0.0
+        stiffer = max(
+            level / (LOW_LEVEL * scale.highest), 1.0
+        )  # behind a lag, too much would swing
         if time > REST and level > 0.0:
             s = min((time - REST) / FILL, 1.0)
             s = s**3 * (10.0 - 15.0 * s + 6.0 * s * s)
@@ -134,9 +137,8 @@ class MotionLoop:
             ratio += motion.period * scale.per_rad * turn
             ratio = min(max(ratio, -most), most)
             left = min(max(1.0 - (time - REST - FILL) / FADE, 0.0), 1.0)
-            stiffer = max(level / (LOW_LEVEL * scale.highest), 1.0)
             held = scale.per_rad * HELD * left / stiffer**2 * error
-        half = (ratio + held) * level + self._wave[k] - scale.damping * speed
+        half = (ratio + held) * level + self._wave[k] - scale.damping / stiffer * speed
         half = min(max(half, -room), room)
         commands = self.pressures.commands((level + half, level - half), reading.pressures)
         return commands, LoopState(ratio, state.start, reading.position, speed)

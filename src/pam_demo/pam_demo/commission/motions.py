@@ -23,6 +23,8 @@ Array = npt.NDArray[np.float64]
 REST: Final = 1.0  # s, vented, at the begin of a motion
 FILL: Final = 3.0  # s
 MOVE: Final = 1.0  # s, of a stair
+LEVEL_OF_PACE: Final = 0.4
+"""How much less co-contraction a motion has with a loop that stands still [-]."""
 DWELL: Final = 2.0  # s, from the begin of one stair to that of the next
 
 
@@ -64,6 +66,11 @@ class Motion:
         middle = self.position[0]
         position = middle + share * (self.position - middle)
         return replace(self, position=position, wave=share * self.wave)
+
+    def gentler(self, pace: float) -> Motion:
+        """The motion with a slower loop, which swings less, and with less co-contraction."""
+        level = (1.0 - LEVEL_OF_PACE * (1.0 - pace)) * self.level
+        return replace(self, bandwidth=pace * self.bandwidth, level=level)
 
     def every(self, count: int) -> Motion:
         """The motion with one sample in `count`."""

@@ -163,9 +163,7 @@ class Commissioning:
         """Go through the sequence."""
         result = self.result
         try:
-            rig = reaching_limits(self.partial.rig, as_written(self.partial, self.said, FULL))
-            known = as_written(replace(self.partial, rig=rig), self.said, FULL)
-            self._check(rig, known)
+            rig, known = self.check()
             seen: dict[str, pd.DataFrame] = {}
             for names, rules in ((("filling", "staircase"), QUICK), (("steps",), QUICK),
                                  (("fast", "withheld"), FULL)):  # fmt: skip
@@ -188,10 +186,19 @@ class Commissioning:
         if not self.ask(what):
             raise EndedError(f"not allowed: {what}")
 
-    def _check(self, rig: Rig, known: Sequence[Known]) -> None:
+    def check(self) -> tuple[Rig, tuple[Known, ...]]:
+        """Check valves, hoses and sensors; returns the rig to begin with, and what is known of it.
+
+        Raises
+        ------
+        EndedError
+            If something is at the wrong place, or the check is not allowed.
+        """
+        rig = reaching_limits(self.partial.rig, as_written(self.partial, self.said, FULL))
+        known = as_written(replace(self.partial, rig=rig), self.said, FULL)
         if self.kept.checked:
             self.tell("start-up check: passed before")
-            return
+            return rig, known
         self._allowed("open each valve for a moment, and give each muscle a small test pulse")
         reason = touch(self.port, rig)
         if reason:
@@ -201,6 +208,7 @@ class Commissioning:
             raise EndedError(" ".join(f"Start-up check: {one}." for one in findings))
         self.tell("start-up check: valves, hoses, sensors and encoder belong together")
         self.kept.check()
+        return rig, known
 
     def _made(self, name: str, scale: Scale) -> Motion:
         return {
@@ -251,7 +259,8 @@ class Commissioning:
         # the watch ends what the least favourable robot would not do
         fits = max(FORESEEN_SPEED * worst.speed, 0.2)
         watched = replace(limits, speed=min(limits.speed, fits * limits.speed))
-        played = play(self.port, rig, motion.smaller(allowed.share), scale, watched)
+        gentle = motion.smaller(allowed.share).gentler(allowed.pace)
+        played = play(self.port, rig, gentle, scale, watched)
         pressure, speed, place = played.most
         most = (pressure, speed * watched.speed / limits.speed, place)
         expected = (worst.pressure, worst.speed, worst.distance)
