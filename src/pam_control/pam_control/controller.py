@@ -24,6 +24,8 @@ from pam_control.control_step import (
     missing_measurement,
 )
 from pam_control.feedback.kept_designs import KeptDesigns
+from pam_control.feedback.loop_rows import D_PRESSURE
+from pam_control.feedback.pressure_loop import PressureLoops
 from pam_control.feedback.supply_reservoir import SupplyReservoir
 from pam_control.joint_channel import Cycle, JointChannel
 from pam_control.joint_models import JointModels, Pair
@@ -40,8 +42,10 @@ from pam_control.settings import ControlSettings
 from pam_control.torque_commands import TorqueCommands
 from pam_model.errors import PamError
 from pam_model.joints.sensor_correction import SensorCorrection
+from pam_model.plant.compiled import for_kernel
 from pam_model.rig import Rig
 from pam_model.robot import compose
+from pam_model.views.joint_numbers import joint_numbers
 from pam_model.views.pull_over_travel import refuse_slack_muscles
 
 LONGEST_STEP: Final = 0.02  # s; a longer time between two steps is counted as this
@@ -101,14 +105,16 @@ class Controller:
         self.prepared = self._design(law).prepared(settings)
         self.settings = self.prepared.normal.settings
         self.reservoir = SupplyReservoir(self.robot)
+        self._numbers = for_kernel(joint_numbers(self.robot))
+        self._loops = PressureLoops(self.robot, self._models, self.reservoir, self._numbers)
+        setups = joint_setups(self._models, self.prepared, self.prepared.normal)
         self.channels = [
-            JointChannel(models, self.reservoir, setup)
-            for models, setup in zip(
-                self._models,
-                joint_setups(self._models, self.prepared, self.prepared.normal),
-                strict=True,
+            JointChannel(
+                models, (self._loops.loops[2 * place], self._loops.loops[2 * place + 1]), setup
             )
+            for place, (models, setup) in enumerate(zip(self._models, setups, strict=True))
         ]
+        self._places = [place for models in self._models for place in models.joint.muscles]
         stiffnesses = self._default_stiffness(settings)
         self._limits = ReferenceLimits(rig, self.robot, self._models, stiffnesses)
         self.correction = SensorCorrection(self.robot)
@@ -195,10 +201,11 @@ class Controller:
     def _apply(self, loops: Loops) -> None:
         """Use these loops from the next step on, without a jump of the desired pressures."""
         self.settings = settings = loops.settings
-        for channel, setup in zip(
-            self.channels, joint_setups(self._models, self.prepared, loops), strict=True
-        ):
+        setups = joint_setups(self._models, self.prepared, loops)
+        for place, (channel, setup) in enumerate(zip(self.channels, setups, strict=True)):
             channel.use(setup)
+            acts = max(setup.acting_delays) + channel.models.pressure_lag
+            self._loops.use(place, setup.settings, setup.adapts, acts)
         if not settings.adaptation:
             self.forget_adaptation()
         references = self.references
@@ -416,13 +423,22 @@ class Controller:
         self.references.advance(time)
         self._limits.advance()
         self.reservoir.advance(step)
-        commands = [math.nan] * len(self.rig.muscles)
+        self._loops.read([measurement.pressures[place] for place in self._places], step)
         cycle = Cycle(time, step, measurement, self.references, self.lowering.share)
-        for channel, stiffness, torque in zip(
-            self.channels, self.stiffness_commands, torques, strict=True
+        demands = self._loops.demands
+        for place, (channel, stiffness, torque) in enumerate(
+            zip(self.channels, self.stiffness_commands, torques, strict=True)
         ):
-            first, second = channel.models.joint.muscles
-            commands[first], commands[second] = channel.step(cycle, stiffness, torque)
+            pair = demands[2 * place], demands[2 * place + 1]
+            pressures = float(pair[0][D_PRESSURE]), float(pair[1][D_PRESSURE])
+            channel.plan(cycle, stiffness, torque, pressures, pair)
+        age = time - (measurement.pressure_time - self.settings.measurement_delay)
+        found, cut = self._loops.command(age, step)
+        for place, channel in enumerate(self.channels):
+            channel.finish(cycle, cut[2 * place] + cut[2 * place + 1] > 0.0)
+        commands = [math.nan] * len(self.rig.muscles)
+        for place, command in zip(self._places, found, strict=True):
+            commands[place] = float(command)
         return self._judged(time, tuple(commands), measurement)
 
     def _judged(

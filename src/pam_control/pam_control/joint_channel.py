@@ -14,18 +14,15 @@ from pam_control.control_step import (
     PlanRequest,
     PressurePlan,
 )
+from pam_control.feedback.loop_rows import D_AHEAD, D_POSITION, D_RATE, D_REFERENCE, D_SPEED
 from pam_control.feedback.pid import Pid, PidGains
-from pam_control.feedback.pressure_loop import (
-    PressureDemand,
-    PressureLoopSettings,
-    create_pressure_loop,
-)
-from pam_control.feedback.supply_reservoir import SupplyReservoir
+from pam_control.feedback.pressure_loop import MuscleLoop
 from pam_control.joint_models import JointModels, Pair
 from pam_control.joint_setup import JointSetup
 from pam_control.laws.law import Guidance, GuideRequest, Start
 from pam_control.limited import limited
 from pam_control.references.reference_generator import ReferenceGenerator
+from pam_control.references.spline import JointReference
 
 SATURATED = frozenset({"torque", "pressure_rate", "valve"})  # what limits the torque
 
@@ -52,6 +49,15 @@ class Cycle(NamedTuple):
     sinking: float | None
 
 
+class _Planned(NamedTuple):
+    """What the first part of a cycle leaves for the second one."""
+
+    plan: PressurePlan
+    reference: JointReference
+    error: float
+    clipped: list[str]
+
+
 class JointChannel:
     """One joint under control.
 
@@ -61,8 +67,8 @@ class JointChannel:
     ----------
     models : JointModels
         What holds for the joint.
-    reservoir : SupplyReservoir
-        From which all valves of the robot draw.
+    loops : (MuscleLoop, MuscleLoop)
+        Of agonist and antagonist.
     setup : JointSetup
         What is in force at the start.
 
@@ -70,18 +76,14 @@ class JointChannel:
     ----------
     models : JointModels
         What holds for the joint.
-    loops : tuple of PressureLoop
+    loops : tuple of MuscleLoop
         Of agonist and antagonist, with what was learnt of their valves.
     """
 
-    def __init__(self, models: JointModels, reservoir: SupplyReservoir, setup: JointSetup) -> None:
-        self.models = models
-        self.loops = tuple(
-            create_pressure_loop(models.robot, muscle, gas_space, reservoir)
-            for muscle, gas_space in zip(
-                models.muscles, (models.model.agonist, models.model.antagonist), strict=True
-            )
-        )
+    def __init__(
+        self, models: JointModels, loops: tuple[MuscleLoop, MuscleLoop], setup: JointSetup
+    ) -> None:
+        self.models, self.loops = models, loops
         self._setup = setup
         self._pid = Pid()
         self._motion = Motion()
@@ -204,8 +206,15 @@ class JointChannel:
 
     # --- one cycle -----------------------------------------------------------------------------
 
-    def step(self, cycle: Cycle, stiffness: float, torque: float | None) -> Pair:
-        """One cycle; returns the commands of agonist and antagonist.
+    def plan(
+        self,
+        cycle: Cycle,
+        stiffness: float,
+        torque: float | None,
+        pressures: Pair,
+        demands: Sequence[Any],
+    ) -> None:
+        """First part of a cycle: write what the pressure loops have to do.
 
         Parameters
         ----------
@@ -215,16 +224,16 @@ class JointChannel:
             Commanded [N m/rad].
         torque : float or None
             Commanded [N m]; None if no torque is commanded.
+        pressures : (float, float)
+            In the muscles [Pa].
+        demands : two rows
+            Of agonist and antagonist, see `loop_rows`.
         """
         setup, models = self._setup, self.models
         settings, gains, name = setup.settings, self.gains, models.name
+        self._gains = gains
         measurement, references = cycle.measurement, cycle.references
         position = measurement.positions[models.joint.place]
-        first, second = models.joint.muscles
-        pressures = (
-            self.loops[0].inside(measurement.pressures[first], cycle.step),
-            self.loops[1].inside(measurement.pressures[second], cycle.step),
-        )
         measured_at = measurement.pressure_time - settings.measurement_delay
         seen_at = measurement.position_time - settings.measurement_delay
         seen, now, acts = self._moments(cycle, measured_at, seen_at)
@@ -270,13 +279,22 @@ class JointChannel:
         )
         if self._desired != wanted:
             clipped.append("pressure_rate")
-        commands, valve_clipped = self._valves(cycle, plan, seen, acts, pressures, measured_at)
-        if valve_clipped:
+        for side, demand in enumerate(demands):
+            ahead = acts[side].reference.position - seen.reference.position
+            demand[D_REFERENCE], demand[D_RATE] = self._desired[side], plan.rate[side]
+            demand[D_AHEAD], demand[D_POSITION] = plan.ahead[side], position + ahead
+            demand[D_SPEED] = plan.velocities[side]
+        self._planned = _Planned(plan, seen.reference, error, clipped)
+
+    def finish(self, cycle: Cycle, is_cut: bool) -> None:
+        """Second part of a cycle, when the valves are commanded; whether one was limited."""
+        (plan, reference, error, clipped), setup = self._planned, self._setup
+        if is_cut:
             clipped.append("valve")
         self._pid.integrate(
             error,
             cycle.step,
-            gains,
+            self._gains,
             missed=plan.missed,
             limit=setup.integral_limit,
             # a stiffness out of reach costs no torque, so that the integrator may go on
@@ -284,7 +302,7 @@ class JointChannel:
             or (plan.missed == 0.0 and bool(clipped) and not SATURATED.isdisjoint(clipped)),
         )
         self._telemetry = JointTelemetry(
-            seen.reference,
+            reference,
             self._motion,
             error,
             self._desired,
@@ -292,7 +310,6 @@ class JointChannel:
             self.loops[0].behind_tube + self.loops[1].behind_tube,
             plan.telemetry,
         )
-        return commands
 
     def _moments(
         self, cycle: Cycle, measured_at: float, seen_at: float
@@ -322,40 +339,3 @@ class JointChannel:
         telemetry = self._telemetry.law._replace(clipped=())
         pressures = (share * first, share * second)
         return PressurePlan(pressures, still, still, still, 0.0, self._pid.integral, telemetry)
-
-    def _valves(
-        self,
-        cycle: Cycle,
-        plan: PressurePlan,
-        seen: Moment,
-        acts: Sequence[Moment],
-        pressures: Pair,
-        measured_at: float,
-    ) -> tuple[Pair, bool]:
-        """Commands of both valves, and whether one of them was limited."""
-        setup, models = self._setup, self.models
-        settings = setup.settings
-        loop_settings = PressureLoopSettings(
-            settings.pressure_gain or 0.0,
-            settings.lead_ratio,
-            settings.spool_limit,
-            setup.adapts,
-            cycle.time + max(setup.acting_delays) - measured_at + models.pressure_lag,
-        )
-        position, is_cut = cycle.measurement.positions[models.joint.place], False
-        commands = []
-        for side in (0, 1):
-            ahead = acts[side].reference.position - seen.reference.position
-            demand = PressureDemand(
-                self._desired[side],
-                plan.rate[side],
-                plan.ahead[side],
-                models.model.lengths(position + ahead)[side],
-                -models.joint.arms[side].length * plan.velocities[side],
-            )
-            command, cut = self.loops[side].command(
-                demand, pressures[side], loop_settings, cycle.step
-            )
-            commands.append(command)
-            is_cut = is_cut or cut
-        return (commands[0], commands[1]), is_cut
