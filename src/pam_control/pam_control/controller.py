@@ -16,6 +16,8 @@ import math
 from collections.abc import Sequence
 from typing import Final
 
+import numpy as np
+
 from pam_control.adaptation.torque_adaptation import LONGEST_DELAY
 from pam_control.control_step import (
     ControlOutput,
@@ -24,10 +26,10 @@ from pam_control.control_step import (
     missing_measurement,
 )
 from pam_control.feedback.kept_designs import KeptDesigns
-from pam_control.feedback.loop_rows import D_PRESSURE
 from pam_control.feedback.pressure_loop import PressureLoops
 from pam_control.feedback.supply_reservoir import SupplyReservoir
-from pam_control.joint_channel import Cycle, JointChannel
+from pam_control.joint_channel import JointChannel
+from pam_control.joint_cycle import CycleRows, demand, longest_delay, new_cycle, sense, settle
 from pam_control.joint_models import JointModels, Pair
 from pam_control.joint_setup import joint_setups
 from pam_control.laws.law import AnyLaw
@@ -42,7 +44,7 @@ from pam_control.settings import ControlSettings
 from pam_control.torque_commands import TorqueCommands
 from pam_model.errors import PamError
 from pam_model.joints.sensor_correction import SensorCorrection
-from pam_model.plant.compiled import for_kernel
+from pam_model.plant.compiled import for_kernel, listed
 from pam_model.rig import Rig
 from pam_model.robot import compose
 from pam_model.views.joint_numbers import joint_numbers
@@ -108,11 +110,14 @@ class Controller:
         self._numbers = for_kernel(joint_numbers(self.robot))
         self._loops = PressureLoops(self.robot, self._models, self.reservoir, self._numbers)
         setups = joint_setups(self._models, self.prepared, self.prepared.normal)
+        states = law.init_together(self._models)
+        self._rows = CycleRows(states[0].rows.x if law.together else new_cycle(len(states)))
+        loops = self._loops.loops
         self.channels = [
-            JointChannel(
-                models, (self._loops.loops[2 * place], self._loops.loops[2 * place + 1]), setup
+            JointChannel(models, (loops[2 * place], loops[2 * place + 1]), setup, self._rows, state)
+            for place, (models, setup, state) in enumerate(
+                zip(self._models, setups, states, strict=True)
             )
-            for place, (models, setup) in enumerate(zip(self._models, setups, strict=True))
         ]
         self._places = [place for models in self._models for place in models.joint.muscles]
         stiffnesses = self._default_stiffness(settings)
@@ -206,6 +211,10 @@ class Controller:
             channel.use(setup)
             acts = max(setup.acting_delays) + channel.models.pressure_lag
             self._loops.use(place, setup.settings, setup.adapts, acts)
+        self._rows.use(setups, self._models)
+        self._learners = {
+            place: setup.learner for place, setup in enumerate(setups) if setup.learner is not None
+        }
         if not settings.adaptation:
             self.forget_adaptation()
         references = self.references
@@ -419,27 +428,55 @@ class Controller:
             return self._stopped()
         step = min(max(time - self._time, 0.0), LONGEST_STEP) or self.settings.period
         self._time = time
+        for channel in self.channels:
+            channel.prepare()
         self._look_ahead(step)
         self.references.advance(time)
         self._limits.advance()
         self.reservoir.advance(step)
-        self._loops.read([measurement.pressures[place] for place in self._places], step)
-        cycle = Cycle(time, step, measurement, self.references, self.lowering.share)
-        demands = self._loops.demands
-        for place, (channel, stiffness, torque) in enumerate(
-            zip(self.channels, self.stiffness_commands, torques, strict=True)
-        ):
-            pair = demands[2 * place], demands[2 * place + 1]
-            pressures = float(pair[0][D_PRESSURE]), float(pair[1][D_PRESSURE])
-            channel.plan(cycle, stiffness, torque, pressures, pair)
-        age = time - (measurement.pressure_time - self.settings.measurement_delay)
-        found, cut = self._loops.command(age, step)
-        for place, channel in enumerate(self.channels):
-            channel.finish(cycle, cut[2 * place] + cut[2 * place + 1] > 0.0)
-        commands = [math.nan] * len(self.rig.muscles)
-        for place, command in zip(self._places, found, strict=True):
-            commands[place] = float(command)
+        commands = self._commands(time, step, measurement, torques)
         return self._judged(time, tuple(commands), measurement)
+
+    def _commands(
+        self, time: float, step: float, measurement: Measurement, torques: Sequence[float | None]
+    ) -> list[float]:
+        """The commands of all muscles; NaN for a muscle that belongs to no joint."""
+        rows, loops, references = self._rows, self._loops, self.references.limited_references
+        settings, share = self.settings, self.lowering.share
+        measured_at = measurement.pressure_time - settings.measurement_delay
+        loops.read([measurement.pressures[place] for place in self._places], step)
+        for place, learner in self._learners.items():
+            learner.follow(self.references.spline(self._models[place].name))
+        sense(
+            rows.x, rows.k, rows.u, loops.demands, loops.state, references.history, references.ends,
+            for_kernel(np.array(measurement.positions)), time, measurement.position_time,
+            measured_at, settings.measurement_delay,
+        )  # fmt: skip
+        for channel in self.channels:
+            channel.sink(share)
+        if share is None:
+            self._plan(step, torques)
+        demand(rows.x, rows.k, rows.u, loops.demands, step)
+        found, cut = loops.command(time - measured_at, step)
+        settle(rows.x, rows.k, rows.u, cut, step, share is not None)
+        for channel, x, k in zip(self.channels, listed(rows.x), listed(rows.k), strict=True):
+            channel.tell(x, k)
+        commands = [math.nan] * len(self.rig.muscles)
+        for place, command in zip(self._places, listed(found), strict=True):
+            commands[place] = command
+        return commands
+
+    def _plan(self, step: float, torques: Sequence[float | None]) -> None:
+        """Let the law plan the pressures of all joints."""
+        asked = zip(self.channels, self.stiffness_commands, torques, strict=True)
+        if self.law.together:
+            for channel, stiffness, _ in asked:
+                channel.ask(stiffness)
+            states = [channel.law_state for channel in self.channels]
+            self.law.plan_together(states, step, self._learners)
+            return
+        for channel, stiffness, torque in asked:
+            channel.plan(step, stiffness, torque, self.references.motion[channel.models.name])
 
     def _judged(
         self, time: float, commands: tuple[float, ...], measurement: Measurement
@@ -479,7 +516,7 @@ class Controller:
 
     def _look_ahead(self, step: float) -> None:
         """Let the references reach ahead by the delay of the commands, stated and learnt."""
-        late = max((max(channel.late_commands) for channel in self.channels), default=0.0)
+        late = longest_delay(self._rows.k, self._loops.state)
         # it shrinks more slowly than time goes on, so that no reference is changed again
         shrunk = self.references.horizon - 0.5 * step
         self.references.horizon = max(self._told_horizon + late, shrunk)

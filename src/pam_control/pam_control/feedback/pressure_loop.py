@@ -355,8 +355,8 @@ class PressureLoops:
     ----------
     loops : list of MuscleLoop
         Two for each joint.
-    demands : rows
-        `loop_rows.D_REFERENCE` and its like, to be written before `command`.
+    state, demands : rows
+        `loop_rows.V_FACTOR` and its like; `loop_rows.D_REFERENCE` and its like, to be written before `command`.
     """
 
     def __init__(
@@ -373,7 +373,7 @@ class PressureLoops:
             np.array([inverse_row(robot.rig.muscles[muscle.place]) for muscle in self._muscles])
         )
         self._settings = for_kernel(np.zeros((len(joints), N_SETTINGS)))
-        self._state = for_kernel(np.zeros((count, N_STATE)))
+        self.state = for_kernel(np.zeros((count, N_STATE)))
         self.demands = for_kernel(np.zeros((count, N_DEMAND)))
         self._commands, self._cut = (for_kernel(np.zeros(count)) for _ in range(2))
         self.loops = [self._loop(robot, k, muscle) for k, muscle in enumerate(self._muscles)]
@@ -383,7 +383,7 @@ class PressureLoops:
 
     def _loop(self, robot: Robot, k: int, muscle: RobotMuscle) -> MuscleLoop:
         """Write the numbers of a muscle, and make its loop."""
-        n, v, c = self._numbers[k], self._state[k], self._constants[k // 2]
+        n, v, c = self._numbers[k], self.state[k], self._constants[k // 2]
         low, high = self._spaces[k].model.length_bounds
         valve, ambient = muscle.valve, robot.gas.ambient_pressure
         n[N_SHORTEST], n[N_LONGEST] = low + LENGTH_EDGE, high - LENGTH_EDGE
@@ -423,7 +423,7 @@ class PressureLoops:
     def read(self, shown: Sequence[float], step: float) -> None:
         """Take what the sensors show [Pa gauge] after a step [s]; the demands have the pressures."""
         true_pressures(
-            self._constants, self._numbers, self._state, self.demands,
+            self._constants, self._numbers, self.state, self.demands,
             for_kernel(np.array(shown)), step,
         )  # fmt: skip
 
@@ -442,7 +442,7 @@ class PressureLoops:
             gas = max(float(d[D_PRESSURE] + d[D_AHEAD]), 0.0)
             d[D_VOLUME : D_BY_PRESSURE + 1] = gas_volume(space.model, gas, length)
         drawn, is_due = command_valves(
-            self._constants, self._numbers, self._inverses, self._settings, self._state,
+            self._constants, self._numbers, self._inverses, self._settings, self.state,
             self.demands, self._reservoir.pressure, age, step, self._commands, self._cut,
         )  # fmt: skip
         self._reservoir.draw(drawn)

@@ -15,9 +15,9 @@ lag of the pressure sensors [s]; presliding of the dry friction [rad]; how long 
 kept [s]; whether both braids are in closed form; whether hysteresis, creep or friction act."""
 
 # settings, which change with those of the controller
-(S_FEEDFORWARD, S_STIFFNESS_RATE, S_ADAPTS, S_ADAPTATION_LIMIT, S_OBSERVER_LIMIT, S_SPEED_FILTER,
- S_OBSERVER) = range(7)  # fmt: skip
-N_SETTINGS: Final = 7
+(S_FEEDFORWARD, S_STIFFNESS_RATE, S_ADAPTS, S_ADAPTATION_LIMIT, S_OBSERVER_LIMIT,
+ S_SPEED_FILTER) = range(6)  # fmt: skip
+N_SETTINGS: Final = 6
 
 # input of a cycle, what one part of the plan leaves for the next one, and the plan
 (X_OUTPUT, X_INTEGRAL, X_WANTED, X_FACTOR, X_POSITION, X_VELOCITY, X_FRESH, X_PRESSURE_A,
@@ -31,7 +31,8 @@ X_SEEN, X_NOW, X_ACTS_A, X_ACTS_B = 12, 16, 20, 24
  X_SHIFT_A, X_SHIFT_B, X_PLANNED_TORQUE, X_PAST_STIFFNESS, X_IS_DUE, X_ESTIMATE_DUE) = range(28, 62)  # fmt: skip
 (X_REFERENCE_A, X_REFERENCE_B, X_RATE_A, X_RATE_B, X_AHEAD_A, X_AHEAD_B, X_SPEED_A, X_SPEED_B,
  X_MISSED, X_NEW_INTEGRAL, X_TORQUE, X_STIFFNESS, X_TRUE_STIFFNESS, X_DISTURBANCE) = range(62, 76)  # fmt: skip
-N_CYCLE: Final = 76
+X_OBSERVER: Final = 76
+N_CYCLE: Final = 77
 
 # state
 (Y_STIFFNESS, Y_SHOWN_A, Y_SHOWN_B, Y_ADAPTED, Y_LAGGING, Y_LAGGING_SPEED, Y_HISTORY_POSITION,

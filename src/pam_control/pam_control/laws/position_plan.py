@@ -40,7 +40,6 @@ from pam_control.laws.plan_rows import (
     S_ADAPTATION_LIMIT,
     S_ADAPTS,
     S_FEEDFORWARD,
-    S_OBSERVER,
     S_OBSERVER_LIMIT,
     S_SPEED_FILTER,
     S_STIFFNESS_RATE,
@@ -78,6 +77,7 @@ from pam_control.laws.plan_rows import (
     X_MISSED,
     X_NEW_INTEGRAL,
     X_NOW,
+    X_OBSERVER,
     X_OUTPUT,
     X_PAST_STIFFNESS,
     X_PLANNED_TORQUE,
@@ -212,10 +212,10 @@ def observe(
     samples: Any, sample_ends: Any,
 ) -> None:  # fmt: skip
     """Pressures at the time of the position; torques that are known and learnt."""
-    if s[S_ADAPTS] > 0.0 or s[S_OBSERVER] > 0.0:
+    if s[S_ADAPTS] > 0.0 or x[X_OBSERVER] > 0.0:
         measure(samples, sample_ends, x[X_MEASURED_AT], x[X_PRESSURE_A], x[X_PRESSURE_B], j[J_KEPT])
     x[X_INSIDE] = inside(j, x[X_POSITION])
-    if s[S_OBSERVER] > 0.0:
+    if x[X_OBSERVER] > 0.0:
         x[X_AT_SEEN_A] = value_at(samples, sample_ends, x[X_SEEN], P_A, 1.0)
         x[X_AT_SEEN_B] = value_at(samples, sample_ends, x[X_SEEN], P_B, 1.0)
     if s[S_ADAPTS] > 0.0:
@@ -250,7 +250,7 @@ def observe(
 
 def measured_torques(c: Any, s: Any, x: Any, table: Any) -> None:
     """The torques of muscles in closed form at the measured pressures."""
-    if s[S_OBSERVER] > 0.0:
+    if x[X_OBSERVER] > 0.0:
         x[X_TORQUE_SEEN] = muscles_torque(c, table, x[X_AT_SEEN_A], x[X_AT_SEEN_B], x[X_INSIDE])
     if s[S_ADAPTS] > 0.0:
         place = x[X_LAGGING_INSIDE]
@@ -289,11 +289,11 @@ def plan_now(
     torque = needed_torque(c, x, X_NOW + 1) - memory + x[X_OUTPUT] + x[X_CORRECTION]
     torque += friction_change(c, x[X_SEEN + 2], x[X_VELOCITY])
     x[X_LOST] = math.nan
-    if s[S_OBSERVER] > 0.0:
+    if x[X_OBSERVER] > 0.0:
         x[X_LOST] = observed_loss(
             y, x[X_FRESH], x[X_TORQUE_SEEN] + memory,
             static_torque(c, x[X_POSITION], x[X_VELOCITY]), x[X_VELOCITY], c[C_INERTIA],
-            c[C_VISCOUS], j[J_LAG], s[S_OBSERVER], s[S_SPEED_FILTER], s[S_OBSERVER_LIMIT],
+            c[C_VISCOUS], j[J_LAG], x[X_OBSERVER], s[S_SPEED_FILTER], s[S_OBSERVER_LIMIT],
         )  # fmt: skip
         torque += x[X_LOST]
     x[X_PLANNED_TORQUE], x[X_LEARNT] = torque, 0.0

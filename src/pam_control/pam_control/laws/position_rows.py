@@ -42,7 +42,9 @@ from pam_control.laws.plan_rows import (
     S_ADAPTATION_LIMIT,
     S_ADAPTS,
     S_FEEDFORWARD,
-    S_OBSERVER,
+    S_OBSERVER_LIMIT,
+    S_SPEED_FILTER,
+    S_STIFFNESS_RATE,
     X_ASKED_POSITION,
     X_ASKED_STIFFNESS,
     X_ASKED_TORQUE,
@@ -61,6 +63,7 @@ from pam_control.laws.plan_rows import (
     X_LAGGING_INSIDE,
     X_LEARNT,
     X_MEASURED_AT,
+    X_OBSERVER,
     X_POSITION,
     X_REACHED_A,
     X_SEEN,
@@ -79,6 +82,7 @@ from pam_control.laws.position_plan import AHEAD, AIM, NOW, OBSERVE, REACHED, pl
 from pam_control.learning.motion_learner import MotionLearner
 from pam_control.limited import limited
 from pam_control.plan_memory import KEPT_BEFORE_MEASUREMENT, Rings, new_plans
+from pam_control.settings import ControlSettings
 from pam_model.effects.slots import PullState
 from pam_model.plant.compiled import for_kernel
 from pam_model.plant.layout import N_MUSCLE_STATES
@@ -146,6 +150,7 @@ class PositionRows:
         numbers = joint_numbers(joints[0].robot)
         self.c = for_kernel(numbers[[models.joint.place for models in joints]])
         self.j = for_kernel(np.array([_numbers(m, c) for m, c in zip(joints, self.c, strict=True)]))
+        self._open = [k for k, row in enumerate(self.j) if row[J_IN_CLOSED_FORM] == 0.0]
         self.s = for_kernel(np.zeros((count, N_SETTINGS)))
         self.x = for_kernel(np.zeros((count, N_CYCLE)))
         self.y = for_kernel(np.zeros((count, N_PLAN)))
@@ -172,8 +177,16 @@ class PositionRows:
         estimates.stiffness.restart()
         y[Y_SINCE_ESTIMATE] = estimates.stiffness.since
 
+    def use(self, place: int, settings: ControlSettings, adapts: bool) -> None:
+        """Use these settings of a joint, and what was learnt or not, from the next cycle on."""
+        s, joint = self.s[place], self._joints[place].joint
+        s[S_FEEDFORWARD], s[S_ADAPTS] = float(settings.feedforward), float(adapts)
+        s[S_STIFFNESS_RATE] = min(settings.stiffness_rate, joint.max_stiffness_rate)
+        s[S_ADAPTATION_LIMIT] = settings.adaptation_limit
+        s[S_OBSERVER_LIMIT], s[S_SPEED_FILTER] = settings.observer_limit, settings.derivative_filter
+
     def plan(
-        self, begin: int, end: int, step: float, learners: Mapping[int, MotionLearner | None]
+        self, begin: int, end: int, step: float, learners: Mapping[int, MotionLearner]
     ) -> None:
         """Plan one cycle of the joints from `begin` to before `end`, after a step [s].
 
@@ -192,8 +205,7 @@ class PositionRows:
             begin, end, step, self.c, self.j, self.s, self.x, self.y, self.a, self.memory,
             self.plans.rows, self.plans.ends, self.samples.rows, self.samples.ends,
         )  # fmt: skip
-        others = [k for k in range(begin, end) if self.j[k][J_IN_CLOSED_FORM] == 0.0]
-        learners = {k: learner for k, learner in learners.items() if learner is not None}
+        others = [k for k in self._open if begin <= k < end]
         if others or learners:
             plan_parts(OBSERVE, OBSERVE, *rows)
             for place in others:
@@ -234,7 +246,7 @@ class PositionRows:
         x, s, model = self.x[place], self.s[place], self._joints[place].model
         if s[S_FEEDFORWARD] == 0.0:
             return
-        if s[S_OBSERVER] > 0.0:
+        if x[X_OBSERVER] > 0.0:
             pair = float(x[X_AT_SEEN_A]), float(x[X_AT_SEEN_B])
             x[X_TORQUE_SEEN] = model.torque(*pair, float(x[X_INSIDE]))
         if s[S_ADAPTS] > 0.0:

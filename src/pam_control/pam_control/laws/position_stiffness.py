@@ -14,7 +14,7 @@ that loop in the same way.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Final, NamedTuple
 
@@ -27,22 +27,16 @@ from pam_control.feedback.operating_points import operating_grid
 from pam_control.joint_models import JointModels
 from pam_control.laws.law import Law, Start
 from pam_control.laws.plan_rows import (
-    P_A,
-    P_B,
     P_MEMORY,
-    S_ADAPTATION_LIMIT,
-    S_ADAPTS,
-    S_FEEDFORWARD,
-    S_OBSERVER,
-    S_OBSERVER_LIMIT,
-    S_SPEED_FILTER,
-    S_STIFFNESS_RATE,
+    X_ACTS_A,
     X_ACTS_B,
     X_AHEAD_A,
     X_AHEAD_B,
     X_DISTURBANCE,
+    X_FACTOR,
     X_MISSED,
     X_NEW_INTEGRAL,
+    X_OBSERVER,
     X_OUTPUT,
     X_RATE_A,
     X_RATE_B,
@@ -57,11 +51,13 @@ from pam_control.laws.plan_rows import (
     X_TORQUE,
     X_TORQUE_LIMITED,
     X_TRUE_STIFFNESS,
+    X_WANTED,
     Y_ADAPTED,
     Y_LOST,
     Y_STIFFNESS,
 )
 from pam_control.laws.position_rows import PositionRows
+from pam_control.learning.motion_learner import MotionLearner
 from pam_control.plan_memory import newest
 from pam_control.settings import ControlSettings
 
@@ -106,6 +102,11 @@ class PositionStiffnessState(NamedTuple):
     correction: Correction = NONE
 
     @property
+    def x(self) -> Any:
+        """The row of the cycle."""
+        return self.rows.x[self.place]
+
+    @property
     def y(self) -> Any:
         """The row of the plan's state."""
         return self.rows.y[self.place]
@@ -125,6 +126,7 @@ class PositionStiffness(Law[PositionStiffnessState]):
     has_lead: ClassVar[bool] = True
     has_observer: ClassVar[bool] = True
     has_adaptation: ClassVar[bool] = True
+    together: ClassVar[bool] = True
 
     def cases(self, models: JointModels, settings: ControlSettings) -> list[LoopCase]:
         """The loops over the joint's range and the stiffness grid."""
@@ -145,6 +147,11 @@ class PositionStiffness(Law[PositionStiffnessState]):
     def init(self, models: JointModels) -> PositionStiffnessState:
         """Nothing is known of the joint but its models."""
         return PositionStiffnessState(PositionRows([models]))
+
+    def init_together(self, joints: Sequence[JointModels]) -> list[PositionStiffnessState]:
+        """The same for all joints, in common rows."""
+        rows = PositionRows(joints)
+        return [PositionStiffnessState(rows, place) for place in range(len(joints))]
 
     def rest(self, models: JointModels, state: PositionStiffnessState) -> PositionStiffnessState:
         """The joint is taken over; what was learnt of it stays."""
@@ -196,18 +203,11 @@ class PositionStiffness(Law[PositionStiffnessState]):
         self, models: JointModels, state: PositionStiffnessState, request: PlanRequest
     ) -> tuple[PressurePlan, PositionStiffnessState]:
         """Plan the pressures for torque and stiffness."""
-        wanted, correction = _wanted_stiffness(models, state, request)
-        rows, place, settings = state.rows, state.place, request.settings
-        s, x = rows.s[place], rows.x[place]
-        s[S_FEEDFORWARD], s[S_ADAPTS] = float(settings.feedforward), float(request.adapts)
-        s[S_STIFFNESS_RATE] = min(settings.stiffness_rate, models.joint.max_stiffness_rate)
-        s[S_ADAPTATION_LIMIT], s[S_OBSERVER_LIMIT] = (
-            settings.adaptation_limit, settings.observer_limit,
-        )  # fmt: skip
-        s[S_SPEED_FILTER], s[S_OBSERVER] = settings.derivative_filter, request.gains.observer
+        rows, place, x = state.rows, state.place, state.x
+        rows.use(place, request.settings, request.adapts)
         motion, moments = request.motion, (request.seen, request.now, *request.acts)
         x[X_OUTPUT : X_ACTS_B + 4] = [
-            request.output, request.integral, wanted, correction.factor, motion.position,
+            request.output, request.integral, math.nan, 1.0, motion.position,
             motion.velocity, request.fresh, *request.pressures, *request.desired,
             request.measured_at,
             *(
@@ -216,7 +216,10 @@ class PositionStiffness(Law[PositionStiffnessState]):
                 for number in (time, at.position, at.velocity, at.acceleration)
             ),
         ]  # fmt: skip
-        rows.plan(place, place + 1, request.step, {place: request.learner})
+        x[X_OBSERVER] = request.gains.observer
+        state = self.ask(models, state, request.stiffness, request.settings, request.adapts)
+        learners = {} if request.learner is None else {place: request.learner}
+        rows.plan(place, place + 1, request.step, learners)
         x = [float(number) for number in x]
         told = (("torque", x[X_TORQUE_LIMITED]), ("stiffness", x[X_STIFFNESS_LIMITED]))
         telemetry = LawTelemetry(
@@ -237,7 +240,41 @@ class PositionStiffness(Law[PositionStiffnessState]):
             x[X_NEW_INTEGRAL],
             telemetry,
         )
-        return plan, state._replace(correction=correction)
+        return plan, state
+
+    def use(
+        self,
+        models: JointModels,
+        state: PositionStiffnessState,
+        settings: ControlSettings,
+        adapts: bool,
+    ) -> None:
+        """Use these settings of a joint, and what was learnt or not, from the next cycle on."""
+        state.rows.use(state.place, settings, adapts)
+
+    def ask(
+        self,
+        models: JointModels,
+        state: PositionStiffnessState,
+        stiffness: float,
+        settings: ControlSettings,
+        adapts: bool,
+    ) -> PositionStiffnessState:
+        """Write the stiffness of the model [N m/rad] at which the joint has the commanded one."""
+        x, correction = state.x, NONE
+        if adapts and settings.stiffness_corrected:
+            correction = _corrected(models, state, stiffness)
+        x[X_WANTED], x[X_FACTOR] = stiffness / correction.factor, correction.factor
+        return state if correction is state.correction else state._replace(correction=correction)
+
+    def plan_together(
+        self,
+        states: Sequence[PositionStiffnessState],
+        step: float,
+        learners: Mapping[int, MotionLearner],
+    ) -> None:
+        """Plan one cycle of all joints, in their common rows."""
+        states[0].rows.plan(0, len(states), step, learners)
 
     def led(self, state: PositionStiffnessState, stiffness: float) -> PositionStiffnessState:
         """The state of a joint that another law leads with this stiffness [N m/rad]."""
@@ -270,22 +307,17 @@ class PositionStiffness(Law[PositionStiffnessState]):
         return state.estimates.stiffness.numbers()
 
 
-def _wanted_stiffness(
-    models: JointModels, state: PositionStiffnessState, request: PlanRequest
-) -> tuple[float, Correction]:
-    """Stiffness of the model [N m/rad] at which the joint has the commanded one."""
-    if not (request.adapts and request.settings.stiffness_corrected):
-        return request.stiffness, NONE
-    correction, acts_at = state.correction, request.then.time
-    if acts_at - correction.at > CORRECTED_EVERY:
-        # at one place, so that the correction does not change along a motion
-        middle = 0.5 * sum(models.joint.position_limits)
-        there = models.model.pressures_for(
-            models.dynamics.gravity(middle), request.stiffness, middle
-        )
-        goal = state.estimates.stiffness.factor(
-            (there.agonist, there.antagonist), middle, correction.goal
-        )
-        factor = correction.factor + CORRECTED_SHARE * (goal - correction.factor)
-        correction = Correction(goal, factor, acts_at)
-    return request.stiffness / correction.factor, correction
+def _corrected(models: JointModels, state: PositionStiffnessState, stiffness: float) -> Correction:
+    """The correction of the commanded stiffness [N m/rad], by what was learnt."""
+    correction, x = state.correction, state.x
+    acts_at = max(float(x[X_ACTS_A]), float(x[X_ACTS_B]))
+    if not acts_at - correction.at > CORRECTED_EVERY:
+        return correction
+    # at one place, so that the correction does not change along a motion
+    middle = 0.5 * sum(models.joint.position_limits)
+    there = models.model.pressures_for(models.dynamics.gravity(middle), stiffness, middle)
+    goal = state.estimates.stiffness.factor(
+        (there.agonist, there.antagonist), middle, correction.goal
+    )
+    factor = correction.factor + CORRECTED_SHARE * (goal - correction.factor)
+    return Correction(goal, factor, acts_at)

@@ -195,3 +195,8 @@ def is_on_disk(name: str) -> bool:
 def for_kernel(array: npt.NDArray[Any]) -> Any:
     """The array for a compiled kernel, or nested lists of Python floats for a plain one."""
     return np.ascontiguousarray(array) if HAVE_NUMBA else array.tolist()
+
+
+def listed(array: Any) -> list[Any]:
+    """What `for_kernel` made, as nested lists of Python floats."""
+    return array.tolist() if HAVE_NUMBA else array  # type: ignore[no-any-return]
