@@ -44,7 +44,7 @@ from pam_control.settings import ControlSettings
 from pam_control.torque_commands import TorqueCommands
 from pam_model.errors import PamError
 from pam_model.joints.sensor_correction import SensorCorrection
-from pam_model.plant.compiled import for_kernel, listed
+from pam_model.plant.compiled import for_kernel, listed, prepare
 from pam_model.rig import Rig
 from pam_model.robot import compose
 from pam_model.views.joint_numbers import joint_numbers
@@ -131,6 +131,18 @@ class Controller:
         self.guard = LoopGuard(self.robot.joints)
         self.lowering = Lowering()
         self.use(self.prepared)
+        self._compile()
+
+    def _compile(self) -> None:
+        """Let no cycle wait for machine code."""
+        rows, loops, references = self._rows, self._loops, self.references.limited_references
+        x, k, u, d = rows.x, rows.k, rows.u, loops.demands
+        positions = for_kernel(np.zeros(len(self.channels)))
+        history, ends = references.history, references.ends
+        prepare(sense, x, k, u, d, loops.state, history, ends, positions, 0.0, 0.0, 0.0, 0.0)
+        prepare(demand, x, k, u, d, 0.0)
+        prepare(settle, x, k, u, for_kernel(np.zeros(len(d))), 0.0, False)
+        prepare(longest_delay, k, loops.state)
 
     # --- settings ---------------------------------------------------------------------------------
 

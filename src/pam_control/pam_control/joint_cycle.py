@@ -77,9 +77,9 @@ K_GAINS: Final = 11
 K_FEEDBACK: Final = K_GAINS + N_GAINS
 N_STATE: Final = K_FEEDBACK + N_FEEDBACK
 """State of a joint: position [rad], filtered speed [rad/s] and time [s] of the last measurement;
-desired pressures [Pa]; stiffness by which gains are scheduled [N m/rad]; learnt delay of the position,
-negative if it is that of the pressures [s]; measured position and error of this cycle [rad]; whether
-the rate of the pressures, and a valve, was limited; gains in force; state of the feedback."""
+desired pressures [Pa]; stiffness by which gains are scheduled [N m/rad]; learnt delay of the
+position, negative if it is that of the pressures [s]; measured position and error of this cycle
+[rad]; whether the rate of the pressures, and a valve, was limited; gains; state of the feedback."""
 
 
 def take_position(k: Any, position: float, time: float, speed_filter: float) -> float:
@@ -118,7 +118,7 @@ def sense(
     Parameters
     ----------
     x, k, u, d, v, history, ends : rows
-        Cycle, state and settings of the joints, demands and state of the pressure loops, references.
+        Cycle, state and settings of joints, demands and state of pressure loops, references.
     positions : (n,) array
         Measured [rad].
     time, position_time, measured_at, measurement_delay : float

@@ -106,7 +106,7 @@ def planned_rate(plans: Any, ends: Any, time: float, field: int) -> float:
     if span <= 0.0:
         return 0.0
     now = planned_at(plans, ends, time, field)
-    return (now - planned_at(plans, ends, time - span, field)) / span
+    return float((now - planned_at(plans, ends, time - span, field)) / span)
 
 
 def shown_pressure(
@@ -129,7 +129,8 @@ def shown_pressure(
     """
     if lag == 0.0:
         return planned_at(plans, ends, time, field)
-    return shown + step / (lag + step) * (planned_at(plans, ends, time + lag, field) - shown)
+    ahead = planned_at(plans, ends, time + lag, field)
+    return float(shown + step / (lag + step) * (ahead - shown))
 
 
 def measure(samples: Any, ends: Any, time: float, a: float, b: float, kept: float) -> None:

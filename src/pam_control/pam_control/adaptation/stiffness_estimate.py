@@ -112,7 +112,10 @@ class StiffnessEstimate:
         largest: float,
         turn: float = 0.0,
     ) -> None:
-        self._rig, self._joint, self._written, self._turn = rig, joint, model, turn
+        # of one joint alone, because the models with changed numbers are built in a control cycle
+        muscles = tuple(rig.muscle(name) for name in joint.muscles)
+        self._rig = replace(rig, joints=(joint,), muscles=muscles)
+        self._joint, self._written, self._turn = joint, model, turn
         self._dynamics, self._largest = dynamics, largest
         self._numbers = [(joint.name, "pulley_radius")] + [
             (name, key)

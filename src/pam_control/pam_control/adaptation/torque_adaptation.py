@@ -231,6 +231,11 @@ class TorqueAdaptation:
         row[A_WANTED_DELAY] = wanted if abs(wanted) >= LEAST_DELAY else 0.0
 
     @property
+    def knows(self) -> bool:
+        """Whether anything was learnt that is worth using."""
+        return bool(self._row[A_KNOWS] > 0.0)
+
+    @property
     def delay(self) -> float:
         """By which the position is later than the pressures [s], beside what the rig file tells.
 

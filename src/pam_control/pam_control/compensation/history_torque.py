@@ -1,8 +1,8 @@
 """Joint torque that depends on the motion before, predicted along the joint's reference.
 
 That of hysteresis, creep and every other effect of a muscle with a state and an exact step, and of
-the dry friction of the joint. The states are computed along the reference, ahead of time, so they do
-not change the feedback loop.
+the dry friction of the joint. The states are computed along the reference, ahead of time, so that
+they do not change the feedback loop.
 """
 
 from __future__ import annotations

@@ -83,7 +83,7 @@ from pam_model.physics.joint_geometry import (
     length_per_position,
     muscle_length,
 )
-from pam_model.plant.compiled import entry_point, for_kernel
+from pam_model.plant.compiled import entry_point, for_kernel, prepare
 from pam_model.plant.composition import leak
 from pam_model.plant.control_laws import flow_opening, inverse_row, spool_position
 from pam_model.plant.layout import (
@@ -356,7 +356,8 @@ class PressureLoops:
     loops : list of MuscleLoop
         Two for each joint.
     state, demands : rows
-        `loop_rows.V_FACTOR` and its like; `loop_rows.D_REFERENCE` and its like, to be written before `command`.
+        `loop_rows.V_FACTOR` and its like; `loop_rows.D_REFERENCE` and its like, which have to be
+        written before `command`.
     """
 
     def __init__(
@@ -377,6 +378,12 @@ class PressureLoops:
         self.demands = for_kernel(np.zeros((count, N_DEMAND)))
         self._commands, self._cut = (for_kernel(np.zeros(count)) for _ in range(2))
         self.loops = [self._loop(robot, k, muscle) for k, muscle in enumerate(self._muscles)]
+        rows = (self._constants, self._numbers)
+        prepare(true_pressures, *rows, self.state, self.demands, self._commands, 0.0)
+        prepare(
+            command_valves, *rows, self._inverses, self._settings, self.state, self.demands,
+            0.0, 0.0, 0.0, self._commands, self._cut,
+        )  # fmt: skip
         self._open = [
             k for k, n in enumerate(self._numbers) if n[N_IN_CLOSED_FORM] == n[N_REGULATED] == 0.0
         ]
@@ -421,7 +428,7 @@ class PressureLoops:
         g[G_SPOOL_LIMIT], g[G_ADAPTS], g[G_ACTS] = settings.spool_limit, float(adapts), acts
 
     def read(self, shown: Sequence[float], step: float) -> None:
-        """Take what the sensors show [Pa gauge] after a step [s]; the demands have the pressures."""
+        """Take what the sensors show [Pa gauge] after a step [s], and write `D_PRESSURE`."""
         true_pressures(
             self._constants, self._numbers, self.state, self.demands,
             for_kernel(np.array(shown)), step,

@@ -200,6 +200,7 @@ class Law[State](ABC):
         self, models: JointModels, state: State, settings: ControlSettings, adapts: bool
     ) -> None:
         """Use these settings of a joint, and what was learnt or not, from the next cycle on."""
+        return
 
     def ask(
         self,
@@ -219,6 +220,7 @@ class Law[State](ABC):
 
         `learners` are those of the joints whose motion is repeated, by place.
         """
+        raise NotImplementedError(f"{self.name} plans each joint alone")
 
     def stiffness(self, state: State) -> float:
         """Stiffness that the joint is asked for now [N m/rad], by which gains are scheduled."""

@@ -1,4 +1,4 @@
-"""The rows of numbers that the compiled plan of the model-based law works with, one for each joint."""
+"""The rows of numbers that the compiled plan of the model-based law works with, by joint."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from pam_control.adaptation.motion_functions import N_MEMORY
  J_PRESLIDING, J_KEPT, J_IN_CLOSED_FORM, J_HAS_HISTORY) = range(13)  # fmt: skip
 N_JOINT: Final = 13
 """Range of the muscles' models [rad]; ranges of the pressures, and the most that is asked for [Pa];
-lag of the pressure sensors [s]; presliding of the dry friction [rad]; how long measured pressures are
-kept [s]; whether both braids are in closed form; whether hysteresis, creep or friction act."""
+lag of the pressure sensors [s]; presliding of the dry friction [rad]; how long measured pressures
+are kept [s]; whether both braids are in closed form; whether hysteresis, creep or friction act."""
 
 # settings, which change with those of the controller
 (S_FEEDFORWARD, S_STIFFNESS_RATE, S_ADAPTS, S_ADAPTATION_LIMIT, S_OBSERVER_LIMIT,
@@ -24,20 +24,23 @@ N_SETTINGS: Final = 6
  X_PRESSURE_B, X_DESIRED_A, X_DESIRED_B, X_MEASURED_AT) = range(12)  # fmt: skip
 X_SEEN, X_NOW, X_ACTS_A, X_ACTS_B = 12, 16, 20, 24
 """Each a time [s] and the reference at that time: position, velocity, acceleration."""
-(X_AT_SEEN_A, X_AT_SEEN_B, X_INSIDE, X_TORQUE_SEEN, X_LAGGING_A, X_LAGGING_B, X_BEFORE_A, X_BEFORE_B,
- X_LAGGING_INSIDE, X_TORQUE_LAGGING, X_TORQUE_BEFORE, X_KNOWN, X_USUAL, X_BASE, X_CORRECTION,
+# fmt: off
+(X_AT_SEEN_A, X_AT_SEEN_B, X_INSIDE, X_TORQUE_SEEN, X_LAGGING_A, X_LAGGING_B, X_BEFORE_A,
+ X_BEFORE_B, X_LAGGING_INSIDE, X_TORQUE_LAGGING, X_TORQUE_BEFORE, X_KNOWN, X_USUAL, X_BASE,
+ X_CORRECTION,
  X_ASKED_TORQUE, X_ASKED_STIFFNESS, X_ASKED_POSITION, X_REACHED_A, X_REACHED_B, X_REACHED_TORQUE,
  X_REACHED_STIFFNESS, X_TORQUE_LIMITED, X_STIFFNESS_LIMITED, X_ADDED, X_LOST, X_BESIDE, X_LEARNT,
- X_SHIFT_A, X_SHIFT_B, X_PLANNED_TORQUE, X_PAST_STIFFNESS, X_IS_DUE, X_ESTIMATE_DUE) = range(28, 62)  # fmt: skip
+ X_SHIFT_A, X_SHIFT_B, X_PLANNED_TORQUE, X_PAST_STIFFNESS, X_IS_DUE, X_ESTIMATE_DUE) = range(28, 62)
 (X_REFERENCE_A, X_REFERENCE_B, X_RATE_A, X_RATE_B, X_AHEAD_A, X_AHEAD_B, X_SPEED_A, X_SPEED_B,
- X_MISSED, X_NEW_INTEGRAL, X_TORQUE, X_STIFFNESS, X_TRUE_STIFFNESS, X_DISTURBANCE) = range(62, 76)  # fmt: skip
+ X_MISSED, X_NEW_INTEGRAL, X_TORQUE, X_STIFFNESS, X_TRUE_STIFFNESS, X_DISTURBANCE) = range(62, 76)
 X_OBSERVER: Final = 76
 N_CYCLE: Final = 77
 
 # state
 (Y_STIFFNESS, Y_SHOWN_A, Y_SHOWN_B, Y_ADAPTED, Y_LAGGING, Y_LAGGING_SPEED, Y_HISTORY_POSITION,
  Y_HISTORY_TIME, Y_SLIP, Y_GATHERED, Y_PLACE, Y_TARGET, Y_STUCK_INTEGRAL, Y_LOST, Y_SMOOTH_LOST,
- Y_MUSCLES, Y_MOTION, Y_SPEED, Y_OBSERVED, Y_PLANNED_AT, Y_REFERENCE, Y_SINCE_ESTIMATE) = range(22)  # fmt: skip
+ Y_MUSCLES, Y_MOTION, Y_SPEED, Y_OBSERVED, Y_PLANNED_AT, Y_REFERENCE, Y_SINCE_ESTIMATE) = range(22)
+# fmt: on
 N_PLAN: Final = 22
 
 # state and filters of what is learnt of the torque

@@ -1,7 +1,7 @@
 """One cycle of the model-based law, for the rows of all joints.
 
-The parts of the plan are functions of one joint's rows (`plan_rows`). `plan_parts` goes through them
-for joints whose muscles are in closed form; for other muscles, and for a motion that is being
+The parts of the plan are functions of one joint's rows (`plan_rows`). `plan_parts` goes through
+them for joints whose muscles are in closed form; for other muscles, and for a motion that is being
 learnt, the law stops between two parts and lets Python compute what is lacking.
 """
 
@@ -156,7 +156,7 @@ def inside(j: Any, position: float) -> float:
 
 def static_torque(c: Any, position: float, velocity: float) -> float:
     """Torque [N m] for a measured motion [rad], [rad/s]: no inertia, no friction."""
-    return gravity(c, position) - joint_torque(c, position, velocity)
+    return float(gravity(c, position) - joint_torque(c, position, velocity))
 
 
 def gravity(c: Any, position: float) -> float:

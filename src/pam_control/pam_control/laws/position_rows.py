@@ -84,7 +84,7 @@ from pam_control.limited import limited
 from pam_control.plan_memory import KEPT_BEFORE_MEASUREMENT, Rings, new_plans
 from pam_control.settings import ControlSettings
 from pam_model.effects.slots import PullState
-from pam_model.plant.compiled import for_kernel
+from pam_model.plant.compiled import for_kernel, prepare
 from pam_model.plant.layout import N_MUSCLE_STATES
 from pam_model.views.joint_numbers import is_closed_form, joint_numbers
 
@@ -163,6 +163,14 @@ class PositionRows:
         for place in range(count):
             self.y[place][Y_STIFFNESS] = math.nan
             self.rest(place)
+        prepare(plan_parts, OBSERVE, NOW, *self._rows(0, count, 0.0))
+
+    def _rows(self, begin: int, end: int, step: float) -> tuple[Any, ...]:
+        """The arguments of `plan_parts` after the parts."""
+        return (
+            begin, end, step, self.c, self.j, self.s, self.x, self.y, self.a, self.memory,
+            self.plans.rows, self.plans.ends, self.samples.rows, self.samples.ends,
+        )  # fmt: skip
 
     def rest(self, place: int) -> None:
         """A joint is taken over; what was learnt of it stays."""
@@ -201,10 +209,7 @@ class PositionRows:
         """
         self.plans.make_room()
         self.samples.make_room()
-        rows = (
-            begin, end, step, self.c, self.j, self.s, self.x, self.y, self.a, self.memory,
-            self.plans.rows, self.plans.ends, self.samples.rows, self.samples.ends,
-        )  # fmt: skip
+        rows = self._rows(begin, end, step)
         others = [k for k in self._open if begin <= k < end]
         if others or learners:
             plan_parts(OBSERVE, OBSERVE, *rows)

@@ -56,7 +56,7 @@ from pam_control.laws.plan_rows import (
     Y_LOST,
     Y_STIFFNESS,
 )
-from pam_control.laws.position_rows import PositionRows
+from pam_control.laws.position_rows import Estimates, PositionRows
 from pam_control.learning.motion_learner import MotionLearner
 from pam_control.plan_memory import newest
 from pam_control.settings import ControlSettings
@@ -112,7 +112,7 @@ class PositionStiffnessState(NamedTuple):
         return self.rows.y[self.place]
 
     @property
-    def estimates(self) -> Any:
+    def estimates(self) -> Estimates:
         """What is learnt of the joint."""
         return self.rows.estimates[self.place]
 

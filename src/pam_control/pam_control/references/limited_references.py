@@ -33,7 +33,7 @@ from pam_control.references.motion_limiter import (
     limited_step,
 )
 from pam_control.references.spline import JointReference
-from pam_model.plant.compiled import entry_point, for_kernel
+from pam_model.plant.compiled import entry_point, for_kernel, prepare
 
 LONGEST_FILTER_STEP: Final = 0.02  # s
 KEPT_AT_LEAST: Final = 0.2  # s
@@ -236,6 +236,10 @@ class LimitedReferences:
         self.history[0][0] = -math.inf
         for joint in range(count):
             self.use(joint, limits[joint])
+        rows, sources, history, ends = self.rows, self.sources, self.history, self.ends
+        prepare(advance_streams, rows, sources, 0.0, 0.0, 0.0, 0.0)
+        prepare(advance_references, rows, sources, self._targets, history, ends, 0.0, 0.0)
+        prepare(sampled, history, ends, 0, 0.0)
 
     def use(self, joint: int, limits: MotionLimits) -> None:
         """Use other limits from the next step on."""

@@ -2,8 +2,9 @@
 
 A line is what a muscle does at one length: its weakest and strongest pull [N] in the range of its
 pressures, scale [m^2] and passive pull [N], rise [m] and offset [N/m] of its dF/dL, and the range
-[Pa gauge]. The scale is 0 if the muscle is too short to pull at any pressure. The torque is constant
-along a straight line in the plane of the two pressures, and the stiffness is linear along it.
+[Pa gauge]. The scale is 0 if the muscle is too short to pull at any pressure. The torque is
+constant along a straight line in the plane of the two pressures, and the stiffness is linear
+along it.
 
 numba compiles these functions with whatever calls them.
 """

@@ -197,6 +197,12 @@ def for_kernel(array: npt.NDArray[Any]) -> Any:
     return np.ascontiguousarray(array) if HAVE_NUMBA else array.tolist()
 
 
+def prepare(function: Any, *arguments: Any) -> None:
+    """Compile an entry point for arguments of these types, or read it from disk; nothing is run."""
+    if HAVE_NUMBA:
+        function.compile(tuple(map(numba.typeof, arguments)))
+
+
 def listed(array: Any) -> list[Any]:
     """What `for_kernel` made, as nested lists of Python floats."""
     return array.tolist() if HAVE_NUMBA else array  # type: ignore[no-any-return]
