@@ -124,6 +124,7 @@ class Controller:
         self._limits = ReferenceLimits(rig, self.robot, self._models, stiffnesses)
         self.correction = SensorCorrection(self.robot)
         self.active = False
+        self._sinks = False  # the air is let out slowly
         self._held = False  # a stop was asked for since the joints were taken over
         self._torques = TorqueCommands(rig.joint_names)
         self._time = math.nan
@@ -464,8 +465,10 @@ class Controller:
             for_kernel(np.array(measurement.positions)), time, measurement.position_time,
             measured_at, settings.measurement_delay,
         )  # fmt: skip
-        for channel in self.channels:
-            channel.sink(share)
+        if share is not None or self._sinks:
+            self._sinks = share is not None
+            for channel in self.channels:
+                channel.sink(share)
         if share is None:
             self._plan(step, torques)
         demand(rows.x, rows.k, rows.u, loops.demands, step)

@@ -163,6 +163,7 @@ class Rings:
     def __init__(self, joints: int, fields: int) -> None:
         self.rows = for_kernel(np.zeros((joints, FIRST_SIZE, fields)))
         self.ends = for_kernel(np.zeros((joints, 2), dtype=np.int64))
+        self._room = 0  # rows for which there is room in each ring, at least
 
     def clear(self, joint: int) -> None:
         """Forget all rows of a joint."""
@@ -170,9 +171,14 @@ class Rings:
 
     def make_room(self) -> None:
         """Let there be room for one row more."""
-        size = len(self.rows[0])
-        if all(ends[1] < size for ends in self.ends):
+        self._room -= 1
+        if self._room > 0:
             return
+        size, most = len(self.rows[0]), max(int(ends[1]) for ends in self.ends)
+        self._room = size - most
+        if self._room > 0:
+            return
+        self._room = size
         old, ends = np.array(self.rows), np.array(self.ends)
         for joint, (first, _) in enumerate(ends.tolist()):
             old[joint] = np.roll(old[joint], -first, axis=0)
