@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import gc
 import os
+import re
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import hypothesis
 import pytest
@@ -18,6 +20,9 @@ from support.frames import FrameListener
 from support.long_run import mark_the_long_run
 from support.probe import Probe
 from support.rigs import ELBOW
+
+if TYPE_CHECKING:
+    from pam_control.feedback.kept_designs import KeptDesigns
 
 # before rclpy reads it; the processes inherit it
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
@@ -32,8 +37,17 @@ hypothesis.settings.load_profile("any_host")
 
 @pytest.hookimpl(tryfirst=True)  # before pytest selects by `-m`
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark the long run, and try those tests up to three times that say why they may fail."""
+    """Mark the long run, and try those tests up to three times that say why they may fail.
+
+    Raises
+    ------
+    pytest.UsageError
+        For a marker without its reason, or one that `tools/test.sh` does not find.
+    """
     mark_the_long_run(items)
+    for path in {item.path for item in items if item.get_closest_marker("system")}:
+        if not re.search(r"\bsystem\b", path.read_text(encoding="utf-8")):
+            raise pytest.UsageError(f"{path}: tools/test.sh looks for `system` in the file itself")
     for item in items:
         marker = item.get_closest_marker("rerun_because")
         if marker is None:
@@ -80,12 +94,12 @@ def make_rig(rig):
 
 
 @pytest.fixture(scope="session")
-def shared_designs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+def shared_designs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[KeptDesigns]:
     """Joints of equal tasks are designed once for all tests, and for all of their processes.
 
     Only controllers share that are given no store of designs.
     """
-    from pam_control import loop_design
+    from pam_control import controller
     from pam_control.feedback.kept_designs import KeptDesigns
 
     folder = tmp_path_factory.getbasetemp()
@@ -93,8 +107,8 @@ def shared_designs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
         folder = folder.parent
     store = KeptDesigns(folder / "designs")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(loop_design, "KeptDesigns", lambda: store)
-        yield
+        patch.setattr(controller, "KeptDesigns", lambda: store)
+        yield store
 
 
 @pytest.fixture(scope="session")

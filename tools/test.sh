@@ -44,8 +44,10 @@ OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 part "tests that compute" .venv/bin/pyt
   -m "not system and not vcan $short" --durations=10 --junitxml="$out/computed.xml" "${coverage[@]}"
 part "rest of lint" ended_lint
 counted --cov-append --cov-report=term:skip-covered --cov-report=html:"$out/coverage"
+# only the files with such tests: to import the others takes as long as ten of them
+mapfile -t system_files < <(grep -rlw system tests --include='test_*.py')
 part "tests of processes" .venv/bin/python -m pytest -q -m "system and not vcan $short" \
-  --durations=10 --junitxml="$out/system.xml" "${coverage[@]}"
+  --durations=10 --junitxml="$out/system.xml" "${coverage[@]}" "${system_files[@]}"
 totals=("$out"/{computed,system}.xml)
 
 # Fits must not depend on the processor. OpenBLAS selects its kernel by the processor, here by name.

@@ -15,6 +15,7 @@ import pytest
 
 from pam_control.control_step import Measurement
 from pam_control.controller import Controller
+from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.references.trajectory import TrajectoryPoint
 from pam_model.plant.parameters import PlantParameters
 from pam_model.plant.sensors import SensorFilter
@@ -144,7 +145,7 @@ class ClosedLoop:
 
 
 @pytest.fixture(scope="session", autouse=True)
-def designs_are_shared(shared_designs: None) -> None:
+def designs_are_shared(shared_designs: KeptDesigns) -> None:
     """Before any controller is made."""
 
 

@@ -18,7 +18,6 @@ from pam_control.adaptation.motion_functions import N_MEMORY, begin_memory, elem
 from pam_control.adaptation.recursive_fit import CORRELATED, RecursiveFit, Suspect
 from pam_control.adaptation.tube_pressure import pressure_behind_tube
 from pam_control.controller import Controller
-from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.feedback.loop_rows import (
     D_RATE,
     D_REFERENCE,
@@ -42,7 +41,6 @@ from pam_model.robot import compose
 from pam_model.views.joint_numbers import joint_numbers
 
 SETTLE = 1.0
-DESIGNS = KeptDesigns()
 PAYLOAD = {"payload.mass": 0.5, "payload.distance": 0.2}
 STEP = 0.002
 SUPPLY = 7e5  # Pa absolute
@@ -51,7 +49,7 @@ VISCOUS = 3  # index of the weight of the speed
 
 def law(rig, **settings):
     asked = ControlSettings(**{"adaptation": True, **settings})
-    return Controller(rig, asked, DESIGNS)
+    return Controller(rig, asked)
 
 
 def played(closed_loop, controller, motion, **options):

@@ -6,7 +6,6 @@ import pytest
 
 from pam_control.adapted_rig import AdaptedRig, adapted_rig, learnt_of, save_adapted_rig
 from pam_control.controller import Controller
-from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.settings import ControlSettings
 from pam_model.errors import PamError
 from pam_model.plant.parameters import NAMES, PlantParameters
@@ -19,16 +18,11 @@ HYSTERESIS = {"agonist.hysteresis.amplitude": 0.06, "antagonist.hysteresis.ampli
 
 
 @pytest.fixture(scope="module")
-def designs():
-    return KeptDesigns()
-
-
-@pytest.fixture(scope="module")
-def law(designs):
+def law():
     def create(rig, **settings):
         # without soft gains, whose design takes time
         asked = ControlSettings(**{"safe_delay": 0.01, **settings})
-        return Controller(rig, asked, designs)
+        return Controller(rig, asked)
 
     return create
 

@@ -12,7 +12,6 @@ import pytest
 
 from pam_control.controller import Controller
 from pam_control.controller_parameters import create_controller, law_from, parameter_table
-from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.laws import registry
 from pam_control.laws.registry import laws
 from pam_control.node_parameters import declared_parameters
@@ -22,7 +21,6 @@ from pam_control.settings import ControlSettings
 from pam_model.errors import PamError
 
 ROOT = Path(__file__).parents[2]
-DESIGNS = KeptDesigns()
 SOFT_LAW = '''
 """The model-based law at a share of the commanded stiffness."""
 
@@ -106,9 +104,7 @@ def test_a_law_of_another_package_brings_its_parameter_to_every_place(other_pack
     )
     values = {name: each.default for name, each in entries.items()}
     assert law_from({**values, "law": "soft", "soft.share": 0.25}).share == 0.25
-    controller = create_controller(
-        rig, {**values, "law": "soft", "soft.share": 0.7}, ["elbow"], DESIGNS
-    )
+    controller = create_controller(rig, {**values, "law": "soft", "soft.share": 0.7}, ["elbow"])
     assert controller.law.share == 0.7
 
 
@@ -143,7 +139,7 @@ def test_such_a_law_controls_and_its_parameter_changes_while_it_runs(
     install(other_package, "soft = soft_laws:Soft")
     laws.cache_clear()
     soft = laws()["soft"]
-    controller = Controller(rig, ControlSettings(stiffness_rate=100.0), DESIGNS, soft())
+    controller = Controller(rig, ControlSettings(stiffness_rate=100.0), law=soft())
     loop = closed_loop(controller)
     loop.run(1.0)
     whole = controller.stiffness_commands[0]
@@ -198,7 +194,7 @@ def test_a_law_keeps_nothing_in_itself(rig, closed_loop, name):
 
     def moved(others: int) -> list[tuple[float, ...]]:
         loops = [
-            closed_loop(Controller(rig, ControlSettings(), DESIGNS, law)) for _ in range(1 + others)
+            closed_loop(Controller(rig, ControlSettings(), law=law)) for _ in range(1 + others)
         ]
         rows = []
         for tick in range(20):

@@ -5,7 +5,6 @@ import pytest
 
 from pam_control.controller import MODEL_BASED, Controller
 from pam_control.feedback.gain_schedule import GainSchedule
-from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.feedback.pid import PidGains
 from pam_control.laws.pressure_difference_pid import PressureDifferencePid
 from pam_control.laws.pressure_ratio_pid import PressureRatioPid
@@ -14,7 +13,6 @@ from pam_control.settings import ControlSettings
 
 HELD = 0.8  # rad, where gravity asks for most of the torque
 ALLOWED = 0.03  # rad
-DESIGNS = KeptDesigns()
 GAINS = {"elbow": GainSchedule.constant(PidGains(3.0, 40.0, 0.3, 0.01))}
 CHANGES = [
     ("model", {"feedforward": False}),
@@ -43,7 +41,7 @@ LAWS = {"ratio": PressureRatioPid(), "difference": PressureDifferencePid()}
 def held(closed_loop, rig, law):
     """The law at rest at HELD, and its loop."""
     settings = ControlSettings(feedforward=law in ("model", "difference"))
-    controller = Controller(rig, settings, DESIGNS, LAWS.get(law, MODEL_BASED))
+    controller = Controller(rig, settings, law=LAWS.get(law, MODEL_BASED))
     loop = closed_loop(controller)
     loop.run(2.0)
     points = [TrajectoryPoint(1.0, [HELD], [0.0], [0.0])]

@@ -11,7 +11,6 @@ import pytest
 from pam_control.controller import Controller
 from pam_control.controller_topics import ControllerTopics
 from pam_control.feedback.disturbance_observer import begin_observer, observed_loss
-from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.feedback.margins import ControlDesignError
 from pam_control.laws.plan_rows import N_MEASURED, N_PLAN, P_A
 from pam_control.plan_memory import Rings, measure, value_at
@@ -19,17 +18,16 @@ from pam_control.references.trajectory import TrajectoryPoint
 from pam_control.settings import ControlSettings
 
 SETTLE = 2.0
-DESIGNS = KeptDesigns()
 ALONE = ControlSettings(adaptation=False)  # what is learnt would take the observer's share
 PAYLOAD = {"payload.mass": 0.5, "payload.distance": 0.2}
 
 
 def observing(rig, **settings):
-    return Controller(rig, ALONE.replace(observer=True, **settings), DESIGNS)
+    return Controller(rig, ALONE.replace(observer=True, **settings))
 
 
 def plain(rig):
-    return Controller(rig, ALONE, DESIGNS)
+    return Controller(rig, ALONE)
 
 
 def tracked(closed_loop, controller, motion, **options):

@@ -9,21 +9,19 @@ from pam_control.controller import Controller
 from pam_control.feedback.closed_loop import is_stable
 from pam_control.feedback.gain_design import INFEASIBLE, DesignTask, PidCost
 from pam_control.feedback.gain_schedule import GainSchedule
-from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.feedback.margins import margins
 from pam_control.feedback.pid import PidGains, pid_output
 from pam_control.references.trajectory import TrajectoryPoint
 from pam_control.settings import ControlSettings
 from support.feedback_rows import feedback
 
-DESIGNS = KeptDesigns()
 SOFT, STIFF = PidGains(2.0, 20.0, 0.1, 0.01, lead=0.02), PidGains(6.0, 60.0, 0.5, 0.01, lead=0.02)
 SCHEDULE = GainSchedule((5.0, 15.0), (SOFT, STIFF))
 
 
 @pytest.fixture(scope="module")
 def controller(rig):
-    return Controller(rig, ControlSettings(), DESIGNS)
+    return Controller(rig, ControlSettings())
 
 
 def test_gains_are_linear_between_two_stiffnesses_and_constant_outside():
@@ -97,7 +95,7 @@ def test_the_soft_gains_are_one_set_without_a_lead(controller):
 
 def test_a_stiffness_that_changes_as_fast_as_it_may_does_not_make_the_joint_swing(closed_loop, rig):
     """With 10 ms that nobody knows of, and a load that the feedback has to carry."""
-    moving = Controller(rig, ControlSettings(adaptation=False), DESIGNS)
+    moving = Controller(rig, ControlSettings(adaptation=False))
     effects = {"payload.mass": 0.5, "payload.distance": 0.2}
     loop = closed_loop(moving, effects=effects, command_delay=0.013)
     loop.run(0.5)

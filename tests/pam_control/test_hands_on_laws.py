@@ -15,7 +15,6 @@ import pytest
 
 from pam_control.command_intake import CommandIntake
 from pam_control.controller import Controller
-from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.laws.gravity_compensation import GravityCompensation
 from pam_control.laws.impedance import Impedance
 from pam_control.laws.position_stiffness import PositionStiffness
@@ -30,11 +29,10 @@ FLOAT = GravityCompensation(hold_torque=0.2)
 
 @pytest.fixture(scope="module")
 def make(rig):
-    """A controller of a law, with shared designs."""
-    designs = KeptDesigns()
+    """A controller of a law."""
 
     def create(law, rig=rig):
-        return Controller(rig, QUIET, designs, law)
+        return Controller(rig, QUIET, law=law)
 
     return create
 

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 from pam_control.controller import Controller
-from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.learning import learnt_file
 from pam_control.learning.learning_filter import (
     UNKNOWN_DELAYS,
@@ -34,13 +33,12 @@ from pam_model.errors import PamError
 
 from .conftest import points_of
 
-DESIGNS = KeptDesigns()
 PERIOD = 0.002
 FRICTION = {"coulomb_friction.torque": 0.5}
 
 
 def law(rig, **settings):
-    return Controller(rig, ControlSettings(adaptation=True, **settings), DESIGNS)
+    return Controller(rig, ControlSettings(adaptation=True, **settings))
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,6 @@ import pytest
 
 from pam_control.control_step import Measurement
 from pam_control.controller import Controller
-from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.feedback.loop_watch import OscillationWatch, TrackingWatch
 from pam_control.loop_guard import LoopGuard
 from pam_control.settings import ControlSettings
@@ -166,7 +165,7 @@ def test_soft_gains_stay_until_the_next_vent_and_not_longer(controller, reaching
 
 def test_a_stop_is_latched_until_the_next_vent(rig):
     slack = rig.with_joint(dataclasses.replace(rig.joints[0], max_tracking_error=0.1))
-    controller = Controller(slack, ControlSettings(), DESIGNS)
+    controller = Controller(slack, ControlSettings())
     measured = [[0.0], [1e5, 1e5]]
     controller.step(0.0, Measurement(*measured, 0.0, 0.0))
     controller.references.stream(["elbow"], [0.5], now=0.0)
@@ -181,9 +180,6 @@ def test_a_stop_is_latched_until_the_next_vent(rig):
     assert "max_tracking_error" in outputs[-1].reason
     controller.drop_commands()
     assert controller.step(1.0, Measurement(*measured, 1.0, 1.0)).commands is not None
-
-
-DESIGNS = KeptDesigns()
 
 
 def oscillation(growth, frequency=4.0, amplitude=0.3, reference=0.0):

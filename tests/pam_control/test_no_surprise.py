@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 from pam_control.controller import Controller
-from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.references.trajectory import CommandError, TrajectoryPoint
 from pam_control.settings import ControlSettings
 from pam_demo.motions import HOLD_STIFFNESS, arm_motion, chirp
@@ -47,15 +46,10 @@ def ends_in_motion(draw: random.Random) -> list[TrajectoryPoint]:
     return [TrajectoryPoint(time, [draw.uniform(-0.8, 0.8)], [draw.uniform(-5.0, 5.0)])]
 
 
-@pytest.fixture(scope="module")
-def designs():
-    return KeptDesigns()
-
-
 @pytest.fixture
-def controller(rig, designs):
+def controller(rig):
     settings = ControlSettings(allow_nonzero_end_velocity=True)
-    return Controller(rig, settings, designs)
+    return Controller(rig, settings)
 
 
 def played(controller, loop, kind, draw):

@@ -5,20 +5,18 @@ import dataclasses
 import numpy as np
 
 from pam_control.controller import Controller
-from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.references.motion_limiter import REFERENCE_SHARE
 from pam_control.references.trajectory import TrajectoryPoint
 from pam_control.settings import ControlSettings
 from pam_model.rig import People
 
-DESIGNS = KeptDesigns()
 FAST = [TrajectoryPoint(0.4, [0.6], [0.0], [0.0])]
 
 
 def made(closed_loop, rig):
     """A controller that has heard from no driver whether full speed is permitted."""
     asking = dataclasses.replace(rig, people=People(full_speed_topic=True))
-    controller = Controller(asking, ControlSettings(), DESIGNS)
+    controller = Controller(asking, ControlSettings())
     loop = closed_loop(controller)
     loop.run(1.5)
     return controller, loop

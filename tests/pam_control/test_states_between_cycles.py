@@ -13,7 +13,6 @@ from pam_control.command_intake import CommandIntake
 from pam_control.control_step import Measurement
 from pam_control.controller import Controller
 from pam_control.driver_follower import DriverFollower
-from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.references.trajectory import CommandError, TrajectoryPoint
 from pam_control.settings import ControlSettings
 from pam_model.rig import Rig
@@ -21,14 +20,13 @@ from pam_ros.driver_state import driver_state_message
 
 STOPS = ("fault", "fault_lowering", "lowering", "venting", "vented", "unconfigured", "nonsense")
 MEASURED = 0.1  # rad
-DESIGNS = KeptDesigns()
 
 
 class Inside:
     """What of the node follows the driver's state, around a controller that moves."""
 
     def __init__(self, rig: Rig) -> None:
-        self.controller = Controller(rig, ControlSettings(), DESIGNS)
+        self.controller = Controller(rig, ControlSettings())
         self.now = 0.0
         self.dropped: list[str] = []
         lock = threading.Lock()

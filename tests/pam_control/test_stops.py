@@ -6,17 +6,14 @@ import numpy as np
 import pytest
 
 from pam_control.controller import MODEL_BASED, Controller
-from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.laws.pressure_ratio_pid import PressureRatioPid
 from pam_control.lowering import EMPTY, LoweringPhase
 from pam_control.references.trajectory import TrajectoryPoint
 from pam_control.settings import ControlSettings
 
-DESIGNS = KeptDesigns()
-
 
 def moved(closed_loop, rig, law, target, duration):
-    controller = Controller(rig, ControlSettings(), DESIGNS, law)
+    controller = Controller(rig, ControlSettings(), law=law)
     loop = closed_loop(controller)
     loop.run(2.0)
     points = [TrajectoryPoint(1.0, [target], [0.0], [0.0])]

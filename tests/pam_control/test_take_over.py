@@ -11,14 +11,12 @@ import numpy as np
 import pytest
 
 from pam_control.controller import Controller
-from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.laws.pressure_difference_pid import PressureDifferencePid
 from pam_control.laws.pressure_ratio_pid import PressureRatioPid
 from pam_control.laws.registry import laws
 from pam_control.settings import ControlSettings
 
 HOLDING = ("model_based", "impedance", "pressure_difference_pid", "pressure_ratio_pid")
-DESIGNS = KeptDesigns()
 # spool commands and for how long [s] they act before the take-over
 LEFT_OVER = {
     "none": (0.0, 0.0, 0.0),
@@ -49,7 +47,7 @@ def moved(loop, start: float) -> tuple[float, float]:
 @pytest.mark.parametrize("fill", LEFT_OVER.values(), ids=LEFT_OVER)
 @pytest.mark.parametrize("law", HOLDING)
 def test_the_joint_stays_where_it_is(rig, closed_loop, law, fill):
-    loop = closed_loop(Controller(rig, ControlSettings(), DESIGNS, laws()[law]()))
+    loop = closed_loop(Controller(rig, ControlSettings(), law=laws()[law]()))
     deviation, speed = moved(loop, left_with(loop, *fill))
     assert deviation < 0.01
     assert speed < 0.05
@@ -63,7 +61,7 @@ def test_a_joint_that_is_not_as_its_rig_file_says_moves_little(rig, closed_loop,
         "antagonist.pressure_gain.gain": 1.1,
         "antagonist.pressure_bias.bias": 5e3,
     }
-    loop = closed_loop(Controller(rig, ControlSettings(), DESIGNS, laws()[law]()), effects=effects)
+    loop = closed_loop(Controller(rig, ControlSettings(), law=laws()[law]()), effects=effects)
     deviation, speed = moved(loop, left_with(loop, *LEFT_OVER["low"]))
     assert deviation < 0.05
     assert speed < 0.5
@@ -73,7 +71,7 @@ def test_a_joint_that_is_not_as_its_rig_file_says_moves_little(rig, closed_loop,
 @pytest.mark.parametrize("law", [PressureDifferencePid, PressureRatioPid])
 @pytest.mark.parametrize("mean", [1.6e5, 3.0e5])
 def test_a_new_mean_pressure_leaves_a_turned_joint_where_it_is(rig, closed_loop, law, mean):
-    controller = Controller(rig, ControlSettings(), DESIGNS, law())
+    controller = Controller(rig, ControlSettings(), law=law())
     loop = closed_loop(controller)
     start = left_with(loop, *LEFT_OVER["low"])
     loop.run(3.0)

@@ -19,11 +19,9 @@ from pam_control.actions.goal_tolerances import (
 )
 from pam_control.actions.trajectory_goal import TrajectoryGoal
 from pam_control.controller import Controller
-from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.references.trajectory import TrajectoryPoint
 from pam_control.settings import ControlSettings
 
-DESIGNS = KeptDesigns()
 DEFAULTS = {p.key: p.default for p in (*PARAMETERS, *joint_tolerances("elbow"))} | {
     "constraints.elbow.trajectory": 0.3,
     "constraints.elbow.goal": 0.05,
@@ -66,7 +64,7 @@ class Following:
     """An elbow that follows a goal; `run` judges the goal after every cycle."""
 
     def __init__(self, closed_loop, rig, tolerances, *, effects=None, duration=1.0):
-        self.controller = Controller(rig, ControlSettings(), DESIGNS)
+        self.controller = Controller(rig, ControlSettings())
         self.loop = closed_loop(self.controller, effects=effects)
         self.loop.run(1.5)
         references, now = self.controller.references, self.loop.time
