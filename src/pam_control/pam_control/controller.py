@@ -1,8 +1,8 @@
 """The controller of all joints of a robot: settings, commands, stops, and one control cycle.
 
 `step` takes a measurement and returns valve commands and telemetry. There is no ROS, no clock and
-no thread here. What the pressures of a joint's muscles are is up to the control law (`laws`); what
-all laws share in a joint's cycle is in `joint_channel`.
+no thread here. What the pressures of a joint's muscles are is up to the control law (`laws`); the
+cycle of all joints is in `control_cycle`.
 
 The caller gives the time in seconds. The feedback compares a measurement with the reference at the
 time of that measurement. The feedforward is computed for the time at which the valve will act,
@@ -16,9 +16,8 @@ import math
 from collections.abc import Sequence
 from typing import Final
 
-import numpy as np
-
 from pam_control.adaptation.torque_adaptation import LONGEST_DELAY
+from pam_control.control_cycle import ControlCycle
 from pam_control.control_step import (
     ControlOutput,
     JointTelemetry,
@@ -26,10 +25,7 @@ from pam_control.control_step import (
     missing_measurement,
 )
 from pam_control.feedback.kept_designs import KeptDesigns
-from pam_control.feedback.pressure_loop import PressureLoops
 from pam_control.feedback.supply_reservoir import SupplyReservoir
-from pam_control.joint_channel import JointChannel
-from pam_control.joint_cycle import CycleRows, demand, longest_delay, new_cycle, sense, settle
 from pam_control.joint_models import JointModels, Pair
 from pam_control.joint_setup import joint_setups
 from pam_control.laws.law import AnyLaw
@@ -44,10 +40,8 @@ from pam_control.settings import ControlSettings
 from pam_control.torque_commands import TorqueCommands
 from pam_model.errors import PamError
 from pam_model.joints.sensor_correction import SensorCorrection
-from pam_model.plant.compiled import for_kernel, listed, prepare
 from pam_model.rig import Rig
 from pam_model.robot import compose
-from pam_model.views.joint_numbers import joint_numbers
 from pam_model.views.pull_over_travel import refuse_slack_muscles
 
 LONGEST_STEP: Final = 0.02  # s; a longer time between two steps is counted as this
@@ -107,24 +101,15 @@ class Controller:
         self.prepared = self._design(law).prepared(settings)
         self.settings = self.prepared.normal.settings
         self.reservoir = SupplyReservoir(self.robot)
-        self._numbers = for_kernel(joint_numbers(self.robot))
-        self._loops = PressureLoops(self.robot, self._models, self.reservoir, self._numbers)
-        setups = joint_setups(self._models, self.prepared, self.prepared.normal)
-        states = law.init_together(self._models)
-        self._rows = CycleRows(states[0].rows.x if law.together else new_cycle(len(states)))
-        loops = self._loops.loops
-        self.channels = [
-            JointChannel(models, (loops[2 * place], loops[2 * place + 1]), setup, self._rows, state)
-            for place, (models, setup, state) in enumerate(
-                zip(self._models, setups, states, strict=True)
-            )
-        ]
-        self._places = [place for models in self._models for place in models.joint.muscles]
         stiffnesses = self._default_stiffness(settings)
         self._limits = ReferenceLimits(rig, self.robot, self._models, stiffnesses)
+        setups = joint_setups(self._models, self.prepared, self.prepared.normal)
+        self._cycle = ControlCycle(
+            self.robot, self._models, self.reservoir, law, setups, self.references
+        )
+        self.channels = self._cycle.channels
         self.correction = SensorCorrection(self.robot)
         self.active = False
-        self._sinks = False  # the air is let out slowly
         self._held = False  # a stop was asked for since the joints were taken over
         self._torques = TorqueCommands(rig.joint_names)
         self._time = math.nan
@@ -132,18 +117,6 @@ class Controller:
         self.guard = LoopGuard(self.robot.joints)
         self.lowering = Lowering()
         self.use(self.prepared)
-        self._compile()
-
-    def _compile(self) -> None:
-        """Let no cycle wait for machine code."""
-        rows, loops, references = self._rows, self._loops, self.references.limited_references
-        x, k, u, d = rows.x, rows.k, rows.u, loops.demands
-        positions = for_kernel(np.zeros(len(self.channels)))
-        history, ends = references.history, references.ends
-        prepare(sense, x, k, u, d, loops.state, history, ends, positions, 0.0, 0.0, 0.0, 0.0)
-        prepare(demand, x, k, u, d, 0.0)
-        prepare(settle, x, k, u, for_kernel(np.zeros(len(d))), 0.0, False)
-        prepare(longest_delay, k, loops.state)
 
     # --- settings ---------------------------------------------------------------------------------
 
@@ -227,14 +200,7 @@ class Controller:
         """Use these loops from the next step on, without a jump of the desired pressures."""
         self.settings = settings = loops.settings
         setups = joint_setups(self._models, self.prepared, loops)
-        for place, (channel, setup) in enumerate(zip(self.channels, setups, strict=True)):
-            channel.use(setup)
-            acts = max(setup.acting_delays) + channel.models.pressure_lag
-            self._loops.use(place, setup.settings, setup.adapts, acts)
-        self._rows.use(setups, self._models)
-        self._learners = {
-            place: setup.learner for place, setup in enumerate(setups) if setup.learner is not None
-        }
+        self._cycle.use(setups)
         if not settings.adaptation:
             self.forget_adaptation()
         references = self.references
@@ -449,57 +415,20 @@ class Controller:
             return self._stopped()
         step = min(max(time - self._time, 0.0), LONGEST_STEP) or self.settings.period
         self._time = time
-        for channel in self.channels:
-            channel.prepare()
-        self._look_ahead(step)
+        self._look_ahead(step, self._cycle.begin())
         self.references.advance(time)
         self._limits.advance()
         self.reservoir.advance(step)
-        commands = self._commands(time, step, measurement, torques)
+        commands = self._cycle.commands(
+            time,
+            step,
+            measurement,
+            self.settings,
+            self.stiffness_commands,
+            torques,
+            self.lowering.share,
+        )
         return self._judged(time, tuple(commands), measurement)
-
-    def _commands(
-        self, time: float, step: float, measurement: Measurement, torques: Sequence[float | None]
-    ) -> list[float]:
-        """The commands of all muscles; NaN for a muscle that belongs to no joint."""
-        rows, loops, references = self._rows, self._loops, self.references.limited_references
-        settings, share = self.settings, self.lowering.share
-        measured_at = measurement.pressure_time - settings.measurement_delay
-        loops.read([measurement.pressures[place] for place in self._places], step)
-        for place, learner in self._learners.items():
-            learner.follow(self.references.spline(self._models[place].name))
-        sense(
-            rows.x, rows.k, rows.u, loops.demands, loops.state, references.history, references.ends,
-            for_kernel(np.array(measurement.positions)), time, measurement.position_time,
-            measured_at, settings.measurement_delay,
-        )  # fmt: skip
-        if share is not None or self._sinks:
-            self._sinks = share is not None
-            for channel in self.channels:
-                channel.sink(share)
-        if share is None:
-            self._plan(step, torques)
-        demand(rows.x, rows.k, rows.u, loops.demands, step)
-        found, cut = loops.command(time - measured_at, step)
-        settle(rows.x, rows.k, rows.u, cut, step, share is not None)
-        for channel, x, k in zip(self.channels, listed(rows.x), listed(rows.k), strict=True):
-            channel.tell(x, k)
-        commands = [math.nan] * len(self.rig.muscles)
-        for place, command in zip(self._places, listed(found), strict=True):
-            commands[place] = command
-        return commands
-
-    def _plan(self, step: float, torques: Sequence[float | None]) -> None:
-        """Let the law plan the pressures of all joints."""
-        asked = zip(self.channels, self.stiffness_commands, torques, strict=True)
-        if self.law.together:
-            for channel, stiffness, _ in asked:
-                channel.ask(stiffness)
-            states = [channel.law_state for channel in self.channels]
-            self.law.plan_together(states, step, self._learners)
-            return
-        for channel, stiffness, torque in asked:
-            channel.plan(step, stiffness, torque, self.references.motion[channel.models.name])
 
     def _judged(
         self, time: float, commands: tuple[float, ...], measurement: Measurement
@@ -538,9 +467,8 @@ class Controller:
                 self.references.stop([channel.models.name], time)
                 channel.begin_again()
 
-    def _look_ahead(self, step: float) -> None:
-        """Let the references reach ahead by the delay of the commands, stated and learnt."""
-        late = longest_delay(self._rows.k, self._loops.state)
+    def _look_ahead(self, step: float, late: float) -> None:
+        """Let the references reach ahead by the delay of the commands, stated and learnt [s]."""
         # it shrinks more slowly than time goes on, so that no reference is changed again
         shrunk = self.references.horizon - 0.5 * step
         self.references.horizon = max(self._told_horizon + late, shrunk)
