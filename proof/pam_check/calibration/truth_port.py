@@ -42,10 +42,11 @@ class TruthPort:
         self.period, self.measurement_delay, self.command_delay = period, 0.0, period
         self._exchanged = exchanged
         self._regulated = drawn.muscles[0].regulator > 0.0
+        count = round((seconds + AT_REST) / period)
         self._plant = RunningTruth(
             drawn.joint, drawn.muscles, drawn.sensors, np.random.default_rng(seed),
-            period=period, count=round((seconds + AT_REST) / period), pressure=0.0,
-            supply=drawn.supply,
+            period=period, count=count, pressure=0.0,
+            supply=drawn.supply.factor(np.arange(count) * period),
         )  # fmt: skip
         self._first = round(AT_REST / period)
         empty = 0.0 if self._regulated else -1.0

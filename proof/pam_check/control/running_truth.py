@@ -7,7 +7,6 @@ import numpy as np
 from pam_check.blind.truth_plant import (
     Array,
     Sensors,
-    SupplyWander,
     TruthJoint,
     TruthMuscle,
     run_samples,
@@ -33,8 +32,8 @@ class RunningTruth:
         Number of samples that can be run.
     pressure : float
         Gauge pressure of both muscles at first [Pa].
-    supply : SupplyWander, optional
-        How the supply pressure changes; it is constant by default.
+    supply : ndarray, optional
+        Pressure of the supply in each sample over that of the rig, shape (count,) [-].
 
     Attributes
     ----------
@@ -53,7 +52,7 @@ class RunningTruth:
         period: float,
         count: int,
         pressure: float,
-        supply: SupplyWander | None = None,
+        supply: Array | None = None,
     ) -> None:
         self.becomes(joint, muscles)
         self._state = start_state(self._joint, self._muscles, (pressure, pressure))
@@ -64,9 +63,8 @@ class RunningTruth:
         steps = [sensors.pressure_step, sensors.position_step, sensors.command_step]
         self._settings = np.array([period, 0.0, 0.0, 0.0, *steps])
         self._command_step = sensors.command_step
-        self._unused, self._supply = np.zeros(count), np.ones(count)
-        if supply is not None:
-            self._supply = supply.factor(np.arange(count) * period)
+        self._unused = np.zeros(count)
+        self._supply: Array = np.ones(count) if supply is None else supply
         self._given, self.commands = np.zeros((count, 2)), np.zeros((count, 2))
         self.sensed, self.truth = np.zeros((count, 5)), np.zeros((count, 3))
         self.samples = 0
