@@ -8,9 +8,10 @@ because the pressure loops change then.
 
 Swings that are too small for that are told with their likely cause, and answered step by step,
 because the safe gains leave larger errors of friction and load: the gains are lowered, and lowered
-again while the swings go on, then the safe gains are used, and a joint that swings with these as
-widely as at first is stopped. A delay makes a loop swing at its crossover frequency or above. What
-is slower and does not stick comes from outside, and lower gains would yield more to it.
+again while the swings go on; if they have grown to twice the first ones, the safe gains are used,
+and a joint that swings with these as widely as at first is stopped. A delay makes a loop swing at
+its crossover frequency or above. What is slower and does not stick comes from outside, and lower
+gains would yield more to it.
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ PAUSE = 0.6  # s after softening or a tube; what is under way with the old loops
 # because what one pause leaves has faded when the next one comes.
 MOST_STILL = 0.3
 GAP_MEMORY = 0.5  # s
+GROWN = 2.0  # of the first swings; smaller ones are less than what soft gains leave
 SLOW = 0.8  # of the crossover frequency, below which a loop swings only with friction or a tube
 
 
@@ -240,7 +242,7 @@ class LoopGuard:
         if self.lowered < means.steps:
             self.lowered += 1
             return Verdict.LOWER
-        if not means.can_soften:
+        if not means.can_soften or seen.size < GROWN * self._first_size:
             return Verdict.NOTHING
         self.softened = told
         return Verdict.SOFTEN
