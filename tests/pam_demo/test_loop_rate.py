@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import re
 from pathlib import Path
 from types import SimpleNamespace
@@ -90,6 +91,18 @@ def test_the_demo_takes_the_highest_rate_that_is_held(held, taken, vents, tmp_pa
     assert all(run["motion"] != trial().name for run in runs), "the trial is no figure"
 
 
+def test_a_rate_is_refused_only_if_it_is_not_held_twice(tmp_path):
+    """What a computer still does after a first start makes the first trial late."""
+    chain = LoggedChain()
+    computer = SlowComputer(chain, 1000.0)
+    shares = [0.085, 0.001]
+    computer.late_share = lambda: shares.pop(0)
+    runs, not_held = demo.perform_at_a_rate_that_is_held(chain, computer, tmp_path, PLAYS, {})
+    assert not_held == []
+    assert [run["rate"] for run in runs] == [RATES[0]]
+    assert computer.played == ["trial", "trial", "arm"]
+
+
 def test_a_motion_that_cannot_be_played_at_the_lowest_rate_is_an_error(tmp_path):
     chain = LoggedChain()
     with pytest.raises(TooSlowError, match="55 ms old"):
@@ -147,6 +160,23 @@ def test_every_red_tile_has_a_sentence(figures, rate, told, tmp_path):
         assert ('class="bad"' in card) == ("missed: " in card)
     assert told in cards[0]
     assert [figure["reason"] for figure in results.as_json()["figures"]][1] == ""
+
+
+@pytest.mark.parametrize(("separate", "told"), [(False, "in one process"), (True, "as separate")])
+def test_plots_have_a_form_for_phones_and_the_page_names_the_processes(separate, told, tmp_path):
+    results = Results([], [], {"/valve_commands": np.full(9, 0.002)}, 500.0)
+    page = write_page(tmp_path / "demo.html", results, "vcan0", {}, "", separate=separate)
+    text = page.read_text()
+    assert told in text.replace("\n", " ")
+    narrow, wide = re.findall(r'base64,([\w+/=]+)"', text)
+    assert "max-width: 700px" in text
+    widths = [
+        float(re.search(r'width="([\d.]+)pt"', base64.b64decode(svg).decode())[1])
+        for svg in (narrow, wide)
+    ]
+    assert widths[0] < 320.0
+    assert widths[1] > 700.0
+    assert "min-width: 640px" not in text
 
 
 def test_make_demo_asks_for_no_check():
