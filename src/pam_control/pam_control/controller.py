@@ -31,7 +31,7 @@ from pam_control.joint_setup import joint_setups
 from pam_control.laws.law import AnyLaw
 from pam_control.laws.position_stiffness import PositionStiffness
 from pam_control.loop_design import LoopDesign, Loops, PreparedSettings
-from pam_control.loop_guard import LoopGuard, Verdict
+from pam_control.loop_guard import LoopGuard, Means, Verdict
 from pam_control.lowering import Lowering, LoweringPhase
 from pam_control.reference_limits import ReferenceLimits
 from pam_control.references.reference_generator import ReferenceGenerator
@@ -199,6 +199,11 @@ class Controller:
     def _apply(self, loops: Loops) -> None:
         """Use these loops from the next step on, without a jump of the desired pressures."""
         self.settings = settings = loops.settings
+        self._means = Means(
+            self.can_soften,
+            len(self.prepared.lowered),
+            [min(each.crossover for each in found) for found in self.prepared.normal.margins],
+        )
         setups = joint_setups(self._models, self.prepared, loops)
         self._cycle.use(setups)
         if not settings.adaptation:
@@ -444,8 +449,7 @@ class Controller:
                 return self._stopped()
             if self.lowering.phase is LoweringPhase.SINKING:
                 return output
-        wait, steps = self.settings.tracking_time, len(self.prepared.lowered)
-        match self.guard.judge(time, joints, wait, self.can_soften, steps):
+        match self.guard.judge(time, joints, self.settings.tracking_time, self._means):
             case Verdict.LOWER | Verdict.SOFTEN:
                 self._apply(self._loops())
             case Verdict.STOP:
