@@ -17,13 +17,13 @@ from collections.abc import Sequence
 from typing import Final
 
 from pam_control.adaptation.torque_adaptation import LONGEST_DELAY
-from pam_control.control_cycle import ControlCycle
 from pam_control.control_step import (
     ControlOutput,
     JointTelemetry,
     Measurement,
     missing_measurement,
 )
+from pam_control.cycle.control_cycle import ControlCycle
 from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.feedback.supply_reservoir import SupplyReservoir
 from pam_control.joint_models import JointModels, Pair

@@ -8,10 +8,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from pam_control.control_step import Measurement
-from pam_control.feedback.pressure_loop import PressureLoops
+from pam_control.cycle.joint_channel import JointChannel
+from pam_control.cycle.joint_cycle import CycleRows, demand, longest_delay, new_cycle, sense, settle
+from pam_control.cycle.pressure_loops import PressureLoops
 from pam_control.feedback.supply_reservoir import SupplyReservoir
-from pam_control.joint_channel import JointChannel
-from pam_control.joint_cycle import CycleRows, demand, longest_delay, new_cycle, sense, settle
 from pam_control.joint_models import JointModels
 from pam_control.joint_setup import JointSetup
 from pam_control.laws.law import AnyLaw
