@@ -27,7 +27,11 @@ setup(
         f"pam_model=={VERSION}",
         f"pam_ros=={VERSION}",
     ],
-    extras_require={"ros": [f"pam_ros[ros]=={VERSION}"], "test": ["pytest"]},
+    extras_require={
+        "gymnasium": ["gymnasium>=1.0", f"pam_model[compiled]=={VERSION}"],
+        "ros": [f"pam_ros[ros]=={VERSION}"],
+        "test": ["pytest"],
+    },
     zip_safe=False,
     author=AUTHOR.text,
     author_email=AUTHOR.get("email"),

@@ -65,6 +65,7 @@ def bag(tmp_path):
         ("control", "pam_control", ["node", *NODE]),
         ("rosbags", "pam_gap", ["diagnose", "BAG", "--rig", ELBOW, "--out", "OUT"]),
         ("backports", "pam_gap", ["import", "PACKED", "--rig", ELBOW, "--out", "OUT"]),
+        ("gymnasium", "pam_check", ["trained-policy"]),
         ("pyarrow", "pam_gap", ["import", "PARQUET", "--rig", ELBOW, "--out", "OUT"]),
         (ROS, "pam_gap", ["monitor"]),
         (ROS, "pam_driver", ["node"]),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import re
 from pathlib import Path
 from types import SimpleNamespace
@@ -159,6 +160,23 @@ def test_every_red_tile_has_a_sentence(figures, rate, told, tmp_path):
         assert ('class="bad"' in card) == ("missed: " in card)
     assert told in cards[0]
     assert [figure["reason"] for figure in results.as_json()["figures"]][1] == ""
+
+
+@pytest.mark.parametrize(("separate", "told"), [(False, "in one process"), (True, "as separate")])
+def test_plots_have_a_form_for_phones_and_the_page_names_the_processes(separate, told, tmp_path):
+    results = Results([], [], {"/valve_commands": np.full(9, 0.002)}, 500.0)
+    page = write_page(tmp_path / "demo.html", results, "vcan0", {}, "", separate=separate)
+    text = page.read_text()
+    assert told in text.replace("\n", " ")
+    narrow, wide = re.findall(r'base64,([\w+/=]+)"', text)
+    assert "max-width: 700px" in text
+    widths = [
+        float(re.search(r'width="([\d.]+)pt"', base64.b64decode(svg).decode())[1])
+        for svg in (narrow, wide)
+    ]
+    assert widths[0] < 320.0
+    assert widths[1] > 700.0
+    assert "min-width: 640px" not in text
 
 
 def test_make_demo_asks_for_no_check():

@@ -17,7 +17,8 @@ from pam_model.rig import load_rig, rig_from_parameters
 from pam_model.rig.from_datasheet import BraidFromDatasheet
 from pam_model.rig.types import Rig
 from pam_model.robot import compose
-from pam_model.views.urdf import STANDARD_GRAVITY, robot_as_urdf
+from pam_model.views.equivalent_rod import STANDARD_GRAVITY
+from pam_model.views.urdf import robot_as_urdf
 from support.rigs import ELBOW
 
 

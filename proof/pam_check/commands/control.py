@@ -159,6 +159,37 @@ def _rough_rig(given: Arguments) -> Outcome:
     return run(given)
 
 
+def _declare_trained_policy(parser: Parser) -> None:
+    add_rig(parser)
+    add_seed(parser, 1)
+    parser.add_argument(
+        "--trainings",
+        type=count(1),
+        default=3,
+        metavar="N",
+        help="policies that are trained on each robot (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--generations",
+        type=count(1),
+        default=15,
+        metavar="N",
+        help="of the search for a policy (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--out",
+        type=output_folder,
+        default="out/trained_policy",
+        help="folder (default: %(default)s)",
+    )
+
+
+def _trained_policy(given: Arguments) -> Outcome:
+    from pam_check.control.trained_policy import run  # noqa: PLC0415  (scipy, numba, gymnasium)
+
+    return run(given)
+
+
 def _declare_feedback_cost(parser: Parser) -> None:
     add_rig(parser)
     add_seed(parser, 1)
@@ -243,6 +274,14 @@ COMMANDS = (
         _rough_rig,
         bad_news="if the controller is worse than before after the diagnosis or after learning, or "
         "then worse than the PID",
+    ),
+    Command(
+        "trained-policy",
+        "train policies in simulation, with and without what a diagnosis found, and try them on "
+        "the true rig",
+        _declare_trained_policy,
+        _trained_policy,
+        bad_news="if a policy that was trained with the diagnosis is worse than one without",
     ),
     Command(
         "feedback-cost",

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import base64
-import io
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import jinja2
-import matplotlib as mpl
 from matplotlib.figure import Figure
 
+from pam_demo.plots_in_page import picture
 from pam_demo.tracking import ClosedLoopFigure, TrackedMotion
 from pam_gap.answer.diagnosis import Diagnosis
 from pam_gap.answer.page_style import PLOT_LOOK, STYLE
@@ -57,31 +56,26 @@ In the second run, on the same rig, every node used the improved rig file.{% end
 minus the plant's own angle, which was available neither to the controller nor to the diagnosis.</p>
 {% else %}<p>The diagnosis found no change for the rig file, so there was no second run.</p>
 {% endif %}
-{% for title, svg in plots %}<h2>{{ title }}</h2><div class="wide" tabindex="0">
-<img alt="{{ title }}: angle and error before and after"
-src="data:image/svg+xml;base64,{{ svg }}"></div>{% endfor %}
+{% for title, picture in plots %}<h2>{{ title }}</h2>{{ picture | safe }}{% endfor %}
 <p class="quiet">The full diagnosis: <a href="diagnosis/report.html">diagnosis/report.html</a>.</p>
 </main></body></html>
 """
 
 
-def _plot(before: TrackedMotion, after: TrackedMotion | None) -> str:
-    with mpl.rc_context(LOOK):
-        canvas = Figure(figsize=(9.0, 4.6), layout="constrained")
-        top, bottom = canvas.subplots(2, 1, sharex=True, height_ratios=(3, 2))
-        top.plot(before.times, before.asked, color=ASKED, label="reference")
-        top.plot(before.times, before.measured, color=BEFORE, label="before")
-        bottom.plot(before.times, 1e3 * before.error, color=BEFORE)
-        if after is not None:
-            top.plot(after.times, after.measured, color=AFTER, label="after")
-            bottom.plot(after.times, 1e3 * after.error, color=AFTER)
-        top.set_ylabel("position [rad]")
-        bottom.set_ylabel("error [mrad]")
-        bottom.set_xlabel("time [s]")
-        top.legend(loc="upper right", ncols=3)
-        buffer = io.BytesIO()
-        canvas.savefig(buffer, format="svg", metadata={"Date": None})
-    return base64.b64encode(buffer.getvalue()).decode()
+def _plot(before: TrackedMotion, after: TrackedMotion | None, width: float) -> Figure:
+    canvas = Figure(figsize=(width, 4.6), layout="constrained")
+    top, bottom = canvas.subplots(2, 1, sharex=True, height_ratios=(3, 2))
+    top.plot(before.times, before.asked, color=ASKED, label="reference")
+    top.plot(before.times, before.measured, color=BEFORE, label="before")
+    bottom.plot(before.times, 1e3 * before.error, color=BEFORE)
+    if after is not None:
+        top.plot(after.times, after.measured, color=AFTER, label="after")
+        bottom.plot(after.times, 1e3 * after.error, color=AFTER)
+    top.set_ylabel("position [rad]")
+    bottom.set_ylabel("error [mrad]")
+    bottom.set_xlabel("time [s]")
+    top.legend(loc="lower left", bbox_to_anchor=(-0.05, 1.0), ncols=3)
+    return canvas
 
 
 def write_page(
@@ -132,7 +126,17 @@ def write_page(
             figures=figures,
             runs=runs,
             titles={motion.name: motion.title for motion in before},
-            plots=[(motion.title, _plot(motion, seconds.get(motion.name))) for motion in before],
+            plots=[
+                (
+                    motion.title,
+                    picture(
+                        partial(_plot, motion, seconds.get(motion.name)),
+                        f"{motion.title}: angle and error before and after",
+                        LOOK,
+                    ),
+                )
+                for motion in before
+            ],
         ),
         encoding="utf-8",
     )

@@ -310,7 +310,9 @@ def run(given: Arguments, open_player: OpenPlayer) -> Outcome:
     muscles = {name: rig.valve_kinds[name] for name in rig.joint(joint).muscles}
     late = any(figure.met is False for figure in results.figures if figure.key in TIMING)
     sentence = rate_sentence(results.rate, not_held, chosen=given.rate is not None, late=late)
-    page = write_page(out / "demo.html", results, str(bus), muscles, sentence)
+    page = write_page(
+        out / "demo.html", results, str(bus), muscles, sentence, separate=given.separate
+    )
     write_picture(out / "demo.png", results, muscles)
     show(results, Console())
     print(sentence)

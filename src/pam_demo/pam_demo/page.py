@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import base64
-import io
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -24,6 +22,7 @@ from pam_demo.figures import (
     asked_stiffness,
     target_text,
 )
+from pam_demo.plots_in_page import NARROW, WIDE, picture
 from pam_demo.recording import Array
 from pam_gap.answer.page_style import PLOT_LOOK
 from pam_gap.answer.user_units import told
@@ -33,6 +32,7 @@ COLOURS = {"full": "#1f5fbf", "no_feedforward": "#d9822b", "pressure_ratio_pid":
 ASKED = "#1d2433"
 PAIR = ("#c2452d", "#2d8a8a")
 POINTS = 1500  # per line: more than the page has pixels
+NARROW_POINTS = 600
 STYLE: Any = PLOT_LOOK | {  # matplotlib's own type lists every key
     "font.family": "sans-serif",
     "axes.labelcolor": "#5d6778",
@@ -54,8 +54,10 @@ HEADLINE = (
 
 def _line(axes: Axes, times: Array, values: Array, **style: Any) -> None:
     """Plot at most as many points as can be seen, keeping the extremes of each interval."""
-    if len(times) > POINTS:
-        width = -(-2 * len(times) // POINTS)
+    inches = axes.figure.bbox.width / axes.figure.dpi
+    points = NARROW_POINTS if inches < 0.5 * (NARROW + WIDE) else POINTS
+    if len(times) > points:
+        width = -(-2 * len(times) // points)
         count = len(times) // width
         blocks = values[: count * width].reshape(count, width)
         rows = np.arange(count) * width
@@ -64,10 +66,10 @@ def _line(axes: Axes, times: Array, values: Array, **style: Any) -> None:
     axes.plot(times, values, **style)
 
 
-def _motion_plot(plays: list[Play], muscles: Mapping[str, str]) -> Canvas:
+def _motion_plot(plays: list[Play], muscles: Mapping[str, str], width: float = WIDE) -> Canvas:
     """One column of axes for one motion: angle, error, stiffness, pressures, valves."""
     first = plays[0]
-    canvas = Canvas(figsize=(10.4, 9.0), layout="constrained")
+    canvas = Canvas(figsize=(width, 9.0), layout="constrained")
     rows = canvas.subplots(5, 1, sharex=True, height_ratios=[2.2, 1.4, 1.2, 1.2, 1.0])
     angle, error, stiffness, pressure, valve = rows
     for play in reversed(plays):
@@ -119,15 +121,20 @@ def _motion_plot(plays: list[Play], muscles: Mapping[str, str]) -> Canvas:
     valve.set_ylabel(f"valve\n[{' or '.join(sorted(units))}]")
     valve.set_xlabel("time [s]")
     for axes in (angle, stiffness, pressure):
-        axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.05), borderaxespad=0.3)
+        if width < WIDE:  # above the plot, where it takes no width
+            axes.legend(loc="lower left", bbox_to_anchor=(-0.1, 1.0), ncols=2, columnspacing=1.0)
+        else:
+            axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.05), borderaxespad=0.3)
     angle.set_xlim(0.0, first.motion.duration)
     canvas.align_ylabels(rows)
     return canvas
 
 
-def _histogram(results: Results) -> Canvas:
-    canvas = Canvas(figsize=(10.4, 2.6), layout="constrained")
-    columns = canvas.subplots(1, len(results.periods), squeeze=False)[0]
+def _histogram(results: Results, width: float = WIDE) -> Canvas:
+    count = len(results.periods)
+    below = count if width < WIDE else 1
+    canvas = Canvas(figsize=(width, 2.6 * below), layout="constrained")
+    columns = canvas.subplots(below, count // below, squeeze=False).ravel()
     period = 1.0 / results.rate
     edges = np.linspace(0.0, 3.0 * period, 121)
     for axes, (topic, periods) in zip(columns, results.periods.items(), strict=True):
@@ -139,16 +146,10 @@ def _histogram(results: Results) -> Canvas:
         axes.set_yscale("log")
         axes.legend(loc="upper right")
         axes.set_title(topic, fontsize=10)
-        axes.set_xlabel("time between stamps [ms]; the last bar counts all longer times")
+        label = "time between stamps [ms]; the last bar counts all longer times"
+        axes.set_xlabel(label.replace("; ", "\n") if width < WIDE else label)
     columns[0].set_ylabel("count")
     return canvas
-
-
-def _svg(draw: Callable[[], Canvas]) -> str:
-    with mpl.rc_context(STYLE):
-        buffer = io.BytesIO()
-        draw().savefig(buffer, format="svg", metadata={"Date": None})
-    return base64.b64encode(buffer.getvalue()).decode()
 
 
 def write_picture(path: Path, results: Results, muscles: Mapping[str, str]) -> Path:
@@ -191,7 +192,13 @@ def _css(figure: Figure) -> str:
 
 
 def write_page(
-    path: Path, results: Results, bus: str, muscles: Mapping[str, str], rate_sentence: str
+    path: Path,
+    results: Results,
+    bus: str,
+    muscles: Mapping[str, str],
+    rate_sentence: str,
+    *,
+    separate: bool = False,
 ) -> Path:
     """Write the page.
 
@@ -207,6 +214,8 @@ def write_page(
         Muscle -> kind of its valve, in the order of the recorded arrays.
     rate_sentence : str
         At which rate the loops ran, and why.
+    separate : bool, optional
+        Whether driver, model and controller were processes of their own.
 
     Returns
     -------
@@ -216,12 +225,11 @@ def write_page(
     plots = []
     for motion in dict.fromkeys(play.motion.name for play in results.plays):
         plays = [play for play in results.plays if play.motion.name == motion]
-        svg = _svg(partial(_motion_plot, plays, muscles))
-        title = plays[0].motion.title
-        plots.append({"title": title, "alt": _alt(plays), "svg": svg})
+        draw = partial(_motion_plot, plays, muscles)
+        plots.append((plays[0].motion.title, picture(draw, _alt(plays), STYLE)))
     title = "Period of the controller loop"
     alt = f"{title}: histogram on a logarithmic scale; a line marks where a period counts as late."
-    plots.append({"title": title, "alt": alt, "svg": _svg(lambda: _histogram(results))})
+    plots.append((title, picture(partial(_histogram, results), alt, STYLE)))
     by_key = {figure.key: figure for figure in results.figures}
     template = jinja2.Environment(autoescape=True).from_string(
         Path(__file__).with_name("page.html.j2").read_text(encoding="utf-8")
@@ -229,6 +237,7 @@ def write_page(
     html = template.render(
         bus=bus,
         rate_sentence=rate_sentence,
+        processes="as separate processes" if separate else "in one process",
         headline=[by_key[key] for key in HEADLINE if key in by_key],
         figures=results.figures,
         notes=results.notes,

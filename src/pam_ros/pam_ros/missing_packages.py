@@ -15,6 +15,7 @@ NEEDED_FOR: Final = {
     "canopen": ("CANopen devices", "pip install canopen"),
     "cantools": ("DBC files, by which valve boards are described", "pip install cantools"),
     "control": ("designing gains for a rig for the first time", "pip install control"),
+    "gymnasium": ("environments for training policies", "pip install gymnasium"),
     "pyarrow": ("Parquet files", "pip install pyarrow"),
     "rclpy": ("ROS nodes", "source ROS 2 Jazzy, or pip install 'pam_ros[ros]'"),
     "rosbags": ("reading and writing ROS bags", "pip install rosbags"),

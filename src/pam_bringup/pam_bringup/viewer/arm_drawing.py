@@ -11,9 +11,9 @@ import math
 from dataclasses import dataclass
 
 from pam_model.robot import Robot
+from pam_model.views.equivalent_rod import EquivalentRod
 from pam_model.views.gravity import hanging_position
 from pam_model.views.muscle_path import path_length
-from pam_model.views.urdf import EquivalentRod
 
 Point = tuple[float, float, float]
 

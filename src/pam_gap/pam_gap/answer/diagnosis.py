@@ -7,8 +7,9 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from pam_gap.answer.notebook_view import NumberRow, as_frame, as_html
 from pam_gap.answer.provenance import Provenance
 from pam_gap.experiments.next_experiment import Proposal
 from pam_gap.inference.confidence import Interval
@@ -18,6 +19,9 @@ from pam_gap.prediction.gap_figures import GapFigure
 from pam_gap.prediction.locate import Location
 from pam_gap.prediction.materiality import GapSize
 from pam_model.rig import Rig
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +73,7 @@ class ScoredCandidate:
     label: str = ""
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class Diagnosis:
     """The answer for one joint.
 
@@ -164,6 +168,31 @@ class Diagnosis:
         """Of each effect that the answer names, see `cause_probabilities`."""
         named = {*self.effects, *(one for group in self.indistinguishable for one in group)}
         return cause_probabilities(self.probabilities, named)
+
+    def to_pandas(self) -> pd.DataFrame:
+        """The numbers of the named effects: value, ends of the 90 % interval, unit."""
+        return as_frame(self._number_rows())
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows."""
+        gaps = [
+            (name, gap.before, gap.after, gap.floor, gap.unit) for name, gap in self.gap.items()
+        ]
+        return as_html(f"{self.joint}: {self.verdict}", self.sentence, self._number_rows(), gaps)
+
+    def _number_rows(self) -> list[NumberRow]:
+        return [
+            (
+                effect,
+                name,
+                found.interval.value,
+                found.interval.low,
+                found.interval.high,
+                found.unit,
+            )
+            for effect, numbers in self.parameters.items()
+            for name, found in numbers.items()
+        ]
 
     def to_json(self) -> dict[str, Any]:
         """The mapping that diagnosis.json holds."""

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import asdict
+from typing import TYPE_CHECKING
 
 from pam_model.argument_types import make_parents, output_file
 from pam_model.command_line import Arguments, Command, Outcome, Parser, add_rig, chosen_rig
@@ -16,6 +18,9 @@ from pam_model.commands.muscle_arguments import (
 from pam_model.errors import PamError
 from pam_model.muscle_sizes import SIZES
 from pam_ros.program_name import PROGRAM
+
+if TYPE_CHECKING:
+    from pam_model.robot import Robot
 
 
 def _declare_braid(parser: Parser) -> None:
@@ -51,26 +56,37 @@ def _braid(chosen: Arguments) -> Outcome:
                     "largest_contraction": share})  # fmt: skip
 
 
-def _declare_urdf(parser: Parser) -> None:
+def _declare_export(parser: Parser) -> None:
     add_rig(parser)
     parser.add_argument(
         "--output", type=output_file, metavar="FILE", help="(default: standard output)"
     )
 
 
-def _urdf(chosen: Arguments) -> Outcome:
+def _export(chosen: Arguments, kind: str, view: Callable[[Robot, str], str]) -> Outcome:
     from pam_model.rig import load_rig  # noqa: PLC0415  (numpy)
     from pam_model.robot import compose  # noqa: PLC0415
-    from pam_model.views.urdf import robot_as_urdf  # noqa: PLC0415
 
     rig = chosen_rig(chosen)
-    document = robot_as_urdf(compose(load_rig(rig)), rig.stem)
+    document = view(compose(load_rig(rig)), rig.stem)
     if chosen.output is None:
         print(document, end="")
     else:
         make_parents(chosen.output).write_text(document)
         print(f"written: {chosen.output}")
-    return Outcome({"urdf": document, "file": chosen.output})
+    return Outcome({kind: document, "file": chosen.output})
+
+
+def _urdf(chosen: Arguments) -> Outcome:
+    from pam_model.views.urdf import robot_as_urdf  # noqa: PLC0415
+
+    return _export(chosen, "urdf", robot_as_urdf)
+
+
+def _mjcf(chosen: Arguments) -> Outcome:
+    from pam_model.views.mjcf import robot_as_mjcf  # noqa: PLC0415
+
+    return _export(chosen, "mjcf", robot_as_mjcf)
 
 
 COMMANDS = (
@@ -84,8 +100,15 @@ COMMANDS = (
     Command(
         "urdf",
         "write the joints of a rig as URDF",
-        _declare_urdf,
+        _declare_export,
         _urdf,
         examples=("pam model urdf --rig config/elbow.yaml --output elbow.urdf",),
+    ),
+    Command(
+        "mjcf",
+        "write the joints and muscles of a rig as MJCF, for MuJoCo",
+        _declare_export,
+        _mjcf,
+        examples=("pam model mjcf --rig config/elbow.yaml --output elbow.xml",),
     ),
 )

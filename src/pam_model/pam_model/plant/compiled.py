@@ -41,6 +41,7 @@ _NEVER_COMPILED = (
     "force_table",
     "lane_choice",
     "parameters",
+    "plant_batch",
     "robot_plant",
     "sensors",
     "simulate",

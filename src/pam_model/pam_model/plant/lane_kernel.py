@@ -25,7 +25,7 @@ from pam_model.plant.kernel import (
     moving_contact,
     settle_contact,
 )
-from pam_model.plant.lane_twins import SINGLE, Off, kernel_name, lane_loop
+from pam_model.plant.lane_twins import LANES, SINGLE, Off, kernel_name, lane_loop
 from pam_model.plant.layout import (
     AGONIST,
     ANTAGONIST,
@@ -54,6 +54,23 @@ def hold(c: Any, held: Any, commands: Any, now: float, step: float, sample_time:
     """Write both commands that hold within a step."""
     held[0] = held_command(commands, 0, now, step, sample_time, c[AGONIST + M_DELAY])
     held[1] = held_command(commands, 1, now, step, sample_time, c[ANTAGONIST + M_DELAY])
+
+
+def hold_own(
+    active: int, c: Any, held: Any, commands: Any, now: float, step: float, sample_time: float
+) -> None:
+    """As `hold`, for all lanes, of which each has commands of its own: `commands[lane]`."""
+    if commands.shape[1] == 1:  # no past, so that none of the lanes has a delay
+        for lane in range(min(active, LANES)):
+            held[lane] = commands[lane, 0, 0]
+            held[LANES + lane] = commands[lane, 0, 1]
+        return
+    for lane in range(active):
+        for channel, muscle in ((0, AGONIST), (1, ANTAGONIST)):
+            delay = c[(muscle + M_DELAY) * LANES + lane]
+            held[channel * LANES + lane] = held_command(
+                commands[lane], channel, now, step, sample_time, delay
+            )
 
 
 @compiled
@@ -204,10 +221,16 @@ def advance(
 
 
 @cache
-def advance_lanes(off: Off) -> Callable[..., None]:
-    """`advance` compiled for batches in which the constants in `off` are 0."""
+def advance_lanes(off: Off, *, own_commands: bool = False) -> Callable[..., None]:
+    """`advance` compiled for batches in which the constants in `off` are 0.
+
+    With `own_commands`, each lane has commands of its own, see `hold_own`.
+    """
     loops = (hold, judge_contact, judge_rest, rates, move, finish, settle)
     made = with_loops(advance, loops, off)
+    if own_commands:
+        made.__globals__["hold_lanes"] = compiled_loop(hold_own)
+        made.__qualname__ += "_own"
     return compiled(made) if off is SINGLE else compiled_loop(made)
 
 

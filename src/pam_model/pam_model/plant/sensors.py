@@ -179,3 +179,83 @@ class SensorFilter:
         t0, t1 = self._times[at - 1], self._times[at]
         q0, q1 = self._positions[at - 1], self._positions[at]
         return q0 + (q1 - q0) * (then - t0) / (t1 - t0)
+
+
+class SensorBank:
+    """The sensors of many joints, one sample of a constant period at a time.
+
+    Parameters
+    ----------
+    values : (n, n_parameters) array
+        Plant parameters of each joint.
+    period : float
+        Between two samples [s].
+    """
+
+    def __init__(self, values: Array, period: float) -> None:
+        n = len(values)
+        self._period = period
+        self._k = np.array([sensor_constants(one) for one in values])
+        self._weights = np.zeros((n, len(MUSCLES), 3))
+        self._fresh = np.full(n, True)
+        self._last_input = np.zeros((n, len(MUSCLES)))
+        self._last_output = np.zeros((n, len(MUSCLES)))
+        self._positions = np.zeros((n, 1))
+        self._prepare()
+
+    def _prepare(self) -> None:
+        lags = self._k[:, K_LAG:K_OFFSET:N_MUSCLE_SENSORS]
+        self._gain = self._k[:, K_GAIN:K_OFFSET:N_MUSCLE_SENSORS]
+        self._bias = self._k[:, K_BIAS:K_OFFSET:N_MUSCLE_SENSORS]
+        self._weights = np.array([[lag_weights(lag, self._period) for lag in row] for row in lags])
+        self._is_prompt = not (lags.any() or self._k[:, K_DELAY].any())
+        late = self._k[:, K_DELAY] / self._period
+        whole = np.floor(late).astype(int)
+        self._share = late - whole
+        rows = int(whole.max()) + 2
+        kept = self._positions[:, -rows:]
+        self._positions = np.concatenate(
+            [np.repeat(kept[:, :1], rows - kept.shape[1], axis=1), kept], axis=1
+        )
+        self._newer = rows - 1 - whole
+
+    def restart(self, chosen: npt.NDArray[np.bool_], values: Array) -> None:
+        """Sensors of other joints, `chosen` (n,) among all; parameters as for the constructor."""
+        self._k[chosen] = np.array([sensor_constants(one) for one in values])
+        self._fresh[chosen] = True
+        self._prepare()
+
+    def update(self, chosen: npt.NDArray[np.bool_], position: Array, pressures: Array) -> Array:
+        """Readings of the next sample of the chosen joints.
+
+        Parameters
+        ----------
+        chosen : (n,) array of bool
+            The joints whose sample it is.
+        position, pressures : (n,), (n, 2) array
+            True position [rad] and gauge pressures [Pa] of all joints.
+
+        Returns
+        -------
+        (n, 3) array
+            Position [rad] and both gauge pressures [Pa]; only those of the chosen joints count.
+        """
+        signal = pressure_reading(pressures, self._gain, self._bias)
+        seen = position + self._k[:, K_OFFSET]
+        if self._is_prompt:
+            return np.concatenate([seen[:, None], signal], axis=1)
+        keep, before, after = np.moveaxis(self._weights, -1, 0)
+        output = keep * self._last_output + before * self._last_input + after * signal
+        first = (self._fresh & chosen)[:, None]
+        output = np.where(first, signal, output)
+        moved = np.concatenate([self._positions[:, 1:], seen[:, None]], axis=1)
+        moved = np.where(first, seen[:, None], moved)
+        at = chosen[:, None]
+        self._last_input = np.where(at, signal, self._last_input)
+        self._last_output = np.where(at, output, self._last_output)
+        self._positions = np.where(at, moved, self._positions)
+        self._fresh &= ~chosen
+        lanes = np.arange(len(chosen))
+        newer, older = self._positions[lanes, self._newer], self._positions[lanes, self._newer - 1]
+        shown = newer + (older - newer) * self._share
+        return np.concatenate([shown[:, None], output], axis=1)

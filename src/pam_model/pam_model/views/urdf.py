@@ -1,60 +1,19 @@
 """A robot as URDF, for robot_state_publisher, RViz and simulators that know rigid bodies only.
 
-A robot describes each joint by its inertia and gravity torque, not by the shape of its link. The
-link is therefore the uniform rod that has exactly these two (I = m L^2 / 3,
-gravity_torque = m g L / 2), or a rod about its centre if there is no gravity torque. Every joint
-hangs on `base_link`, since the rig file does not say how joints are chained: edit the origins.
+The link of a joint is its equivalent rod (equivalent_rod.py). Every joint hangs on `base_link`,
+since the rig file does not say how joints are chained: edit the origins.
 """
 
 from __future__ import annotations
 
-import math
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 from pam_model.effects.slots import JointTorque
 from pam_model.robot.robot import Robot, RobotJoint
+from pam_model.views.equivalent_rod import BALANCED_LENGTH, EquivalentRod
 from pam_model.views.torque_balance import dry_friction_at_rest
 from pam_model.views.torque_range import largest_torque
-
-STANDARD_GRAVITY = 9.80665  # m/s^2
-_BALANCED_LENGTH = 0.2  # m, of a rod whose length follows from nothing
-_SLENDER = 0.05  # diameter over length of the drawn rod
-
-
-@dataclass(frozen=True, slots=True)
-class EquivalentRod:
-    """The uniform slender rod with a joint's inertia and gravity torque.
-
-    Attributes
-    ----------
-    mass : float
-        [kg].
-    length : float
-        [m].
-    centre : float
-        Distance of its centre from the joint's axis [m]; 0 or half of the length.
-    """
-
-    mass: float
-    length: float
-    centre: float
-
-    @classmethod
-    def of(cls, joint: RobotJoint) -> EquivalentRod:
-        """The rod of a joint."""
-        if joint.gravity_torque == 0.0:
-            length = _BALANCED_LENGTH
-            return cls(12.0 * joint.inertia / length**2, length, 0.0)
-        gravity = abs(joint.gravity_torque)
-        length = 1.5 * joint.inertia * STANDARD_GRAVITY / gravity
-        return cls(2.0 * gravity / (STANDARD_GRAVITY * length), length, 0.5 * length)
-
-    @property
-    def inertia_about_centre(self) -> float:
-        """M L^2 / 12 [kg m^2]."""
-        return self.mass * self.length**2 / 12.0
 
 
 def _text(numbers: Iterable[float]) -> str:
@@ -63,33 +22,29 @@ def _text(numbers: Iterable[float]) -> str:
 
 def _add_link(document: ET.Element, joint: RobotJoint) -> None:
     rod = EquivalentRod.of(joint)
-    # With gravity_torque > 0 the rod hangs straight down at the position gravity_angle.
-    pitch = -joint.gravity_angle + (math.pi if joint.gravity_torque < 0.0 else 0.0)
-    down = (-math.sin(pitch), 0.0, -math.cos(pitch))
-    centre = _text(rod.centre * part for part in down)
-    radius = 0.5 * _SLENDER * rod.length
+    centre = _text(rod.centre * part for part in rod.down)
     link = ET.SubElement(document, "link", name=f"{joint.name}_link")
     inertial = ET.SubElement(link, "inertial")
-    ET.SubElement(inertial, "origin", xyz=centre, rpy=_text((0.0, pitch, 0.0)))
+    ET.SubElement(inertial, "origin", xyz=centre, rpy=_text((0.0, rod.pitch, 0.0)))
     ET.SubElement(inertial, "mass", value=_text((rod.mass,)))
-    across, along = rod.inertia_about_centre, 0.5 * rod.mass * radius**2
+    across, along = rod.inertia_across, rod.inertia_along
     products = {"ixy": "0", "ixz": "0", "iyz": "0"}
     moments = {"ixx": _text((across,)), "iyy": _text((across,)), "izz": _text((along,))}
     ET.SubElement(inertial, "inertia", moments | products)
     for part in ("visual", "collision"):
         shown = ET.SubElement(link, part)
-        ET.SubElement(shown, "origin", xyz=centre, rpy=_text((0.0, pitch, 0.0)))
+        ET.SubElement(shown, "origin", xyz=centre, rpy=_text((0.0, rod.pitch, 0.0)))
         geometry = ET.SubElement(shown, "geometry")
-        ET.SubElement(geometry, "cylinder", radius=_text((radius,)), length=_text((rod.length,)))
+        ET.SubElement(
+            geometry, "cylinder", radius=_text((rod.radius,)), length=_text((rod.length,))
+        )
 
 
 def _add_joint(document: ET.Element, robot: Robot, joint: RobotJoint) -> None:
     made = ET.SubElement(document, "joint", name=joint.name, type="revolute")
     ET.SubElement(made, "parent", link="base_link")
     ET.SubElement(made, "child", link=f"{joint.name}_link")
-    ET.SubElement(
-        made, "origin", xyz=_text((0.0, _BALANCED_LENGTH * joint.place, 0.0)), rpy="0 0 0"
-    )
+    ET.SubElement(made, "origin", xyz=_text((0.0, BALANCED_LENGTH * joint.place, 0.0)), rpy="0 0 0")
     ET.SubElement(made, "axis", xyz="0 1 0")
     lower, upper = (_text((limit,)) for limit in joint.position_limits)
     ET.SubElement(
