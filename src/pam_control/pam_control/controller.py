@@ -104,9 +104,7 @@ class Controller:
         stiffnesses = self._default_stiffness(settings)
         self._limits = ReferenceLimits(rig, self.robot, self._models, stiffnesses)
         setups = joint_setups(self._models, self.prepared, self.prepared.normal)
-        self._cycle = ControlCycle(
-            self.robot, self._models, self.reservoir, law, setups, self.references
-        )
+        self._cycle = ControlCycle(self._models, self.reservoir, law, setups, self.references)
         self.channels = self._cycle.channels
         self.correction = SensorCorrection(self.robot)
         self.active = False
