@@ -150,6 +150,23 @@ def latency() -> Iterator[Row]:
             yield Row(work, "ms", value, "echo and two hops", peer)
 
 
+def disturbances() -> Iterator[Row]:
+    """How far a joint yields; see docs/controller.md."""
+    found = result_of("disturbance_bench.py")
+    default, alone, muscles = found["default"], found["without adaptation"], found["muscles alone"]
+    for index, (hertz, goal) in enumerate(((0.5, 12.8), (1.0, 24.0))):  # half of one set of gains
+        work, unit = f"compliance at {hertz:g} Hz", "mrad/(N m)"
+        values = (1e3 * each["compliance"][index] for each in (default, muscles))
+        yield Row(work, unit, next(values), "muscles alone", next(values), goal)
+    for work, key in (("largest error", "peak"), ("error after 1 s", "left")):
+        one, other = (1e3 * each[key] for each in (default, alone))
+        yield Row(f"{work}, load of 1 N m put on", "mrad", one, "without adaptation", other)
+    for index, (motion, goal) in enumerate((("arm", 0.96), ("chirp", 4.56))):
+        one, other = (1e3 * each["sag"][index] for each in (default, alone))
+        work = f"{motion} while the supply sags by 3 bar"
+        yield Row(work, "mrad RMS", one, "without adaptation", other, goal)
+
+
 def bag() -> Iterator[Row]:
     """Import of a bag."""
     found = result_of("bag_bench.py")
@@ -188,6 +205,7 @@ PARTS: Mapping[str, Callable[[], Iterator[Row]]] = {
     "control": control,
     "chain": chain,
     "latency": latency,
+    "disturbances": disturbances,
     "bag": bag,
     "help": help_text,
     "diagnosis": diagnosis,

@@ -16,7 +16,7 @@ import pytest
 from pam_check.fuzz.random_targets import frame
 from pam_driver.board_rules.conformance import RULES, find_board, play_all
 from pam_driver.board_rules.page import as_text
-from pam_driver.board_rules.rule import Verdict
+from pam_driver.board_rules.rule import RuleVerdict
 from pam_driver.board_rules.tester import BoardTester, TestLimits
 from pam_driver.boards.pam_board.codec import BoardCode, BoardCommand, BoardState, ValveCommand
 from pam_sim.boards.firmware_twin import FirmwareBoard
@@ -60,7 +60,7 @@ def test_the_firmware_keeps_every_rule_of_the_protocol(program: Path) -> None:
     find_board(tester)
     results = play_all(tester, may_open=True)
     line.sim.boards[0].close()  # type: ignore[attr-defined]
-    assert [as_text(one) for one in results if one.verdict is not Verdict.PASS] == []
+    assert [as_text(one) for one in results if one.verdict is not RuleVerdict.PASS] == []
     assert [result.rule for result in results] == list(RULES)
 
 

@@ -16,6 +16,7 @@ pytest.importorskip("rclpy")
 from rclpy.logging import LoggingSeverity
 from rclpy.serialization import serialize_message
 from rosbags.rosbag2 import StoragePlugin, Writer
+from std_msgs.msg import Float64
 
 from pam_bringup.viewer.markers_node import MarkersNode
 from pam_bringup.viewer.robot_view import RobotView
@@ -26,7 +27,7 @@ from pam_check.fuzz import callbacks_node, message_bytes
 from pam_check.fuzz.callbacks_node import fuzz_callbacks
 from pam_check.fuzz.messages import Messages
 from pam_check.fuzz.random_targets import ViolationError
-from pam_check.fuzz.topics_node import Attack, TopicAttacker
+from pam_check.fuzz.topics_node import Attack, TopicAttacker, is_malformed
 from pam_control import controller_health
 from pam_control.controller_node import ControllerNode
 from pam_demo.player_node import PlayerNode
@@ -113,7 +114,7 @@ def every_node(folder: Path) -> Iterator[dict[str, Callable[[], Any]]]:
             "MarkersNode": MarkersNode,
             "ViewerNode": lambda: ViewerNode("", RobotView(rig, Nothing())),
             "PlayerNode": lambda: PlayerNode(rig.joint_names),
-            "FaultOperator": lambda: FaultOperator(rig.joint_names, port),
+            "FaultOperator": lambda: FaultOperator(rig, port),
             "LifecycleCycler": LifecycleCycler,
             "TopicAttacker": lambda: TopicAttacker(rig, 0, Attack()),
             "Recorder": recorder,
@@ -215,3 +216,12 @@ def test_a_subscription_without_the_decoder_is_found() -> None:
 
     with pytest.raises(ViolationError, match="/a: does not pass the guarded decoder"):
         fuzz_callbacks(ELBOW, 1, 1, (DriverNode, Naked))
+
+
+def test_a_message_that_the_transport_completes_is_not_called_malformed() -> None:
+    """RTPS fills a message up to whole words, so a few missing bytes arrive as zeros."""
+    whole = serialize_message(Float64(data=0.1))[:12]
+    assert not is_malformed(whole, Float64)
+    assert not is_malformed(whole[:-3], Float64)
+    assert is_malformed(whole[:-5], Float64)
+    assert is_malformed(whole[:3], Float64)

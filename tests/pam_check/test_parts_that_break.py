@@ -122,7 +122,10 @@ ACTS = {
 }
 
 
-@pytest.mark.sampled("each part once, at one of the two angles")
+@pytest.mark.sampled(
+    "each part once, at one of the two angles, and a valve, load or encoder with one of its sizes",
+    alike=lambda name, angle: ACTS[name].__qualname__,
+)
 @pytest.mark.parametrize("angle", [None, 0.75])
 @pytest.mark.parametrize("name", ACTS)
 def test_a_failing_part_stays_within_the_bounds(chain: Any, name: str, angle: float | None) -> None:

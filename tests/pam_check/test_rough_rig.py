@@ -82,6 +82,7 @@ def test_the_motion_that_is_learnt_is_compared_with_the_same_reference(tmp_path)
     assert once.rms == pytest.approx(played.rms, rel=1e-6)
 
 
+@pytest.mark.long("the rig, the laws and the picture are held alone; this is their command")
 def test_without_an_improved_rig_file_the_rest_is_shown_and_the_command_says_so(
     tmp_path, monkeypatch, capsys
 ):

@@ -74,7 +74,7 @@ def test_missing_heartbeats_are_counted(rig, monkeypatch):
     assert result.problems() == ["heartbeats missed"]
 
 
-@pytest.mark.sampled("two of the moments between two heartbeats", cases=2)
+@pytest.mark.sampled("one of the moments between two heartbeats", cases=1)
 @pytest.mark.parametrize("seconds", [2.0, 2.02, 2.05, 2.09])
 def test_the_end_may_come_at_any_time_between_heartbeats(seconds, rig):
     result = soak.soak(soak.widened(rig, 1), seconds)

@@ -11,7 +11,7 @@ from pam_check.state_walk.walk import Violation, walk
 from pam_control.references.reference_generator import ReferenceGenerator
 from pam_driver.board_set import BoardSet
 from pam_driver.driver import Driver
-from pam_driver.safety.command_intake import CommandIntake
+from pam_driver.safety.command_intake import ValveCommandIntake
 from pam_driver.safety.states import TRANSITIONS, SafetyEvent, SafetyState
 from pam_driver.start_up import StartUp
 from pam_model.errors import PamError
@@ -106,7 +106,7 @@ def test_a_wrong_entry_in_the_table_of_states_is_found(
 def test_an_old_command_that_arrives_after_the_activation_is_found(
     rig: Rig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(CommandIntake, "refuse", lambda *_: None)
+    monkeypatch.setattr(ValveCommandIntake, "refuse", lambda *_: None)
     found = first_violation(
         rig,
         "the operator vents",

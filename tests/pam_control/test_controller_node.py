@@ -271,6 +271,7 @@ def test_refuses_to_start_without_a_rig(domain):
     assert "Traceback" not in ended.stderr
 
 
+@pytest.mark.long("test_kept_designs holds what is designed and read, and what the report says")
 def test_says_that_gains_are_designed_and_how_long_it_took(domain, tmp_path):
     """The first start designs normal and soft gains, the next one reads both; both say so."""
     said = []

@@ -1,6 +1,7 @@
 """Designed gains are shared by equal joints and kept for the next start of the controller."""
 
 import dataclasses
+import functools
 import json
 import os
 import subprocess
@@ -44,6 +45,14 @@ def arm_of(rig, count):
     for name in ("elbow", "elbow_flexor", "elbow_extensor"):
         del tree[name]
     return rig_from_parameters(tree)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def searched_once():
+    """The store is held here, not the search, which finds the same gains for the same task."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(kept_designs, "_design", functools.cache(kept_designs._design))
+        yield
 
 
 def started(rig, folder, **settings):

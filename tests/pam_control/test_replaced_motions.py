@@ -42,6 +42,7 @@ def drawn(draw: random.Random, speed: float) -> list[TrajectoryPoint]:
     return points
 
 
+@pytest.mark.sampled("each speed once, with strong or with slow valves")
 @pytest.mark.parametrize("change", [lambda rig: rig, weaker], ids=["elbow", "slow valves"])
 @pytest.mark.parametrize("speed", [0.0, 1.0, 3.0])
 def test_no_replacement_takes_for_ever(rig, change, speed):

@@ -91,6 +91,18 @@ def test_the_demo_takes_the_highest_rate_that_is_held(held, taken, vents, tmp_pa
     assert all(run["motion"] != trial().name for run in runs), "the trial is no figure"
 
 
+def test_a_rate_is_refused_only_if_it_is_not_held_twice(tmp_path):
+    """What a computer still does after a first start makes the first trial late."""
+    chain = LoggedChain()
+    computer = SlowComputer(chain, 1000.0)
+    shares = [0.085, 0.001]
+    computer.late_share = lambda: shares.pop(0)
+    runs, not_held = demo.perform_at_a_rate_that_is_held(chain, computer, tmp_path, PLAYS, {})
+    assert not_held == []
+    assert [run["rate"] for run in runs] == [RATES[0]]
+    assert computer.played == ["trial", "trial", "arm"]
+
+
 def test_a_motion_that_cannot_be_played_at_the_lowest_rate_is_an_error(tmp_path):
     chain = LoggedChain()
     with pytest.raises(TooSlowError, match="55 ms old"):

@@ -9,7 +9,7 @@ import pytest
 
 from pam_driver.board_rules.conformance import RULES, find_board, play, play_all
 from pam_driver.board_rules.page import as_text, summary, write_page
-from pam_driver.board_rules.rule import RuleResult, Verdict
+from pam_driver.board_rules.rule import RuleResult, RuleVerdict
 from pam_driver.board_rules.tester import BoardTester, TestLimits
 from pam_driver.boards.pam_board.codec import BoardState
 from pam_model.errors import PamError
@@ -62,7 +62,7 @@ def good() -> tuple[list[RuleResult], VirtualLine]:
 
 def test_the_simulated_board_keeps_every_rule(good: tuple[list[RuleResult], VirtualLine]) -> None:
     results, line = good
-    assert [as_text(one) for one in results if one.verdict is not Verdict.PASS] == []
+    assert [as_text(one) for one in results if one.verdict is not RuleVerdict.PASS] == []
     assert [result.rule for result in results] == list(RULES)
     line.receive(line.now() + 0.05)
     assert line.sim.boards[0].state is BoardState.VENTED
@@ -74,16 +74,16 @@ def test_the_simulated_board_keeps_every_rule(good: tuple[list[RuleResult], Virt
 def test_a_broken_board_fails_on_its_rule(board: type[GoodBoard]) -> None:
     expected, related = BROKEN[board]
     results, _ = results_of(board())
-    failed = {result.rule.name for result in results if result.verdict is Verdict.FAIL}
+    failed = {result.rule.name for result in results if result.verdict is RuleVerdict.FAIL}
     assert expected in failed, [as_text(result) for result in results]
     assert failed <= {expected, *related}, [as_text(one) for one in results]
 
 
 def test_nothing_opens_a_valve_without_permission() -> None:
     results, line = results_of(broken.ArmsOnStaleQueue(), may_open=False)
-    tried = {result.rule.name for result in results if result.verdict is not Verdict.NOT_TRIED}
+    tried = {result.rule.name for result in results if result.verdict is not RuleVerdict.NOT_TRIED}
     assert tried == {rule.name for rule in RULES if not rule.opens_valves}
-    assert all(result.verdict is not Verdict.FAIL for result in results)
+    assert all(result.verdict is not RuleVerdict.FAIL for result in results)
     assert max(line.sim.ground_truth().pressures) < 1e3
 
 
@@ -120,7 +120,7 @@ def test_a_slow_computer_is_not_the_boards_fault() -> None:
     find_board(tester)
     rule = next(rule for rule in RULES if rule.name == "watchdog_time")
     result = play(tester, rule, may_open=True)
-    assert result.verdict is Verdict.NOT_TRIED
+    assert result.verdict is RuleVerdict.NOT_TRIED
     assert "this computer stalled for" in result.came_back
 
 
@@ -158,14 +158,14 @@ class SleepsOnce(GoodBoard):
 @pytest.mark.parametrize(
     ("board", "line", "verdict"),
     [
-        (GoodBoard, PausingLine, Verdict.PASS),
-        (TenPercentLate, PausingLine, Verdict.FAIL),
-        (TenPercentLate, VirtualLine, Verdict.FAIL),
-        (SleepsOnce, VirtualLine, Verdict.FAIL),
+        (GoodBoard, PausingLine, RuleVerdict.PASS),
+        (TenPercentLate, PausingLine, RuleVerdict.FAIL),
+        (TenPercentLate, VirtualLine, RuleVerdict.FAIL),
+        (SleepsOnce, VirtualLine, RuleVerdict.FAIL),
     ],
 )
 def test_pauses_of_the_computer_fail_no_period_and_hide_no_late_board(
-    board: type[GoodBoard], line: type[VirtualLine], verdict: Verdict
+    board: type[GoodBoard], line: type[VirtualLine], verdict: RuleVerdict
 ) -> None:
     tester = BoardTester(line(board()), CODEC, 0)
     find_board(tester)
@@ -179,7 +179,7 @@ def test_without_person_or_limit_the_rules_that_need_them_are_not_tried() -> Non
     find_board(tester)
     for name in ("over_pressure", "restart", "emergency_stop"):
         result = play(tester, next(rule for rule in RULES if rule.name == name), may_open=True)
-        assert result.verdict is Verdict.NOT_TRIED
+        assert result.verdict is RuleVerdict.NOT_TRIED
         assert "--" in result.came_back
 
 
@@ -188,7 +188,7 @@ def test_the_page_tells_a_firmware_author_what_to_do(
     suffix: str, good: tuple[list[RuleResult], VirtualLine], tmp_path: Path
 ) -> None:
     rule = RULES[0]
-    results = [*good[0], RuleResult(rule, Verdict.FAIL, "0 frames | in 2 s")]
+    results = [*good[0], RuleResult(rule, RuleVerdict.FAIL, "0 frames | in 2 s")]
     page = tmp_path / f"board{suffix}"
     write_page(page, "Board 0 on can0", results)
     text = page.read_text()

@@ -19,7 +19,7 @@ from pam_driver.boards.canopen.board import CanopenBoard
 from pam_driver.boards.canopen.boot import Stage
 from pam_driver.boards.canopen.dictionary import profile_path
 from pam_driver.boards.canopen.host import Host
-from pam_driver.boards.canopen.reader import DeviceReader
+from pam_driver.boards.canopen.reader import CanopenDeviceReader
 from pam_driver.boards.protocol import WiredBoard
 from pam_driver.boards.wiring import RigWiring
 from pam_model.rig import load_rig
@@ -71,7 +71,7 @@ class DeviceOnBus:
         return [*answers, (0x700 + self._id, bytes([state[self._node.nmt.state]]))]
 
 
-def booted(wired: WiredBoard, reader: DeviceReader, eds: Path) -> str:
+def booted(wired: WiredBoard, reader: CanopenDeviceReader, eds: Path) -> str:
     """Why the boot was refused; empty if the device became operational."""
     assert reader.device is not None
     board = CanopenBoard(wired, reader.device, Host())
@@ -139,7 +139,7 @@ def test_a_device_that_the_check_accepts_is_booted(
     for name, text in flawed(profile_path(PROFILE[board]).read_text()):
         eds.write_text(text)
         changed = replace(wired, settings={**own, **keys, "eds": str(eds)})
-        reader = DeviceReader(changed)
+        reader = CanopenDeviceReader(changed)
         if reader.device is None:
             refused += 1
             assert all("dev.eds" in line or ": missing; " in line for line in reader.problems)
@@ -153,14 +153,16 @@ def test_a_device_that_the_check_accepts_is_booted(
 READ_ONLY: Final = ("1800", "1800sub1", "1A00sub0", "1A00sub1", "1A00sub2")
 
 
-def encoder_with(text: str, tmp_path: Path, **keys: Any) -> tuple[WiredBoard, DeviceReader, Path]:
+def encoder_with(
+    text: str, tmp_path: Path, **keys: Any
+) -> tuple[WiredBoard, CanopenDeviceReader, Path]:
     """The encoder of the rig with another EDS file."""
     eds = tmp_path / "dev.eds"
     eds.write_text(text)
     wired = RigWiring(load_rig(ELBOW_CANOPEN)).boards["encoder"]
     own = {key: value for key, value in wired.settings.items() if key != "profile"}
     wired = replace(wired, settings={**own, **keys, "eds": str(eds)})
-    return wired, DeviceReader(wired), eds
+    return wired, CanopenDeviceReader(wired), eds
 
 
 def constant(text: str, *names: str) -> str:

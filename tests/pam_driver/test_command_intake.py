@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from pam_driver.safety.command_intake import CommandError, CommandIntake, NamedCommand
+from pam_driver.safety.command_intake import CommandRefusedError, NamedCommand, ValveCommandIntake
 from pam_model.errors import PamError
 from pam_model.rig import Rig
 
@@ -20,20 +20,20 @@ REGULATOR = "elbow_flexor: a pressure regulator takes effort (Pa gauge), and no 
 
 
 @pytest.fixture
-def intake(rig: Rig) -> CommandIntake:
-    return CommandIntake(rig, TIMEOUT)
+def intake(rig: Rig) -> ValveCommandIntake:
+    return ValveCommandIntake(rig, TIMEOUT)
 
 
 @pytest.fixture
-def regulated(rig: Rig) -> CommandIntake:
+def regulated(rig: Rig) -> ValveCommandIntake:
     """The flexor's valve is a regulator whose full scale is beyond max_pressure."""
     flexor = rig.muscles[0]
     valve = replace(flexor.valve, kind="pressure_regulator", full_scale=800_000.0)
-    return CommandIntake(rig.with_muscle(replace(flexor, valve=valve)), TIMEOUT)
+    return ValveCommandIntake(rig.with_muscle(replace(flexor, valve=valve)), TIMEOUT)
 
 
-def refused(intake: CommandIntake, command: NamedCommand, now: float = 8.0) -> tuple[str, str]:
-    with pytest.raises(CommandError) as caught:
+def refused(intake: ValveCommandIntake, command: NamedCommand, now: float = 8.0) -> tuple[str, str]:
+    with pytest.raises(CommandRefusedError) as caught:
         intake.take(command, now)
     assert intake.last_rejection == str(caught.value)
     return caught.value.kind, str(caught.value)
@@ -85,7 +85,9 @@ BAD: dict[str, tuple[NamedCommand, tuple[str, str]]] = {
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_a_refused_command_is_counted_by_kind_and_named(name: str, intake: CommandIntake) -> None:
+def test_a_refused_command_is_counted_by_kind_and_named(
+    name: str, intake: ValveCommandIntake
+) -> None:
     command, expected = BAD[name]
     for _ in range(3):
         assert refused(intake, command) == expected
@@ -95,7 +97,7 @@ def test_a_refused_command_is_counted_by_kind_and_named(name: str, intake: Comma
     assert intake.take(NamedCommand(NAMES, GOOD), 8.0) == GOOD
 
 
-def test_taken_commands_are_counted(intake: CommandIntake) -> None:
+def test_taken_commands_are_counted(intake: ValveCommandIntake) -> None:
     for count in range(1, 4):
         intake.take(NamedCommand(NAMES, GOOD), 8.0)
         assert intake.accepted == count
@@ -103,17 +105,19 @@ def test_taken_commands_are_counted(intake: CommandIntake) -> None:
     assert intake.last_rejection == ""
 
 
-def test_fields_that_no_muscle_uses_may_be_full_of_nan(intake: CommandIntake) -> None:
+def test_fields_that_no_muscle_uses_may_be_full_of_nan(intake: ValveCommandIntake) -> None:
     command = NamedCommand(NAMES, GOOD, (NAN, NAN), (NAN, NAN))
     assert intake.take(command, 8.0) == GOOD
 
 
 @pytest.mark.parametrize("age", [TIMEOUT, -0.01, 0.0])
-def test_the_limits_of_age_are_allowed(age: float, intake: CommandIntake) -> None:
+def test_the_limits_of_age_are_allowed(age: float, intake: ValveCommandIntake) -> None:
     assert intake.take(NamedCommand(NAMES, GOOD, age=age), 8.0) == GOOD
 
 
-def test_commands_may_be_out_of_order_by_as_much_as_clocks_disagree(intake: CommandIntake) -> None:
+def test_commands_may_be_out_of_order_by_as_much_as_clocks_disagree(
+    intake: ValveCommandIntake,
+) -> None:
     intake.take(NamedCommand(NAMES, GOOD), 10.0)
     intake.take(NamedCommand(NAMES, GOOD), 10.0 - 0.01)
     intake.take(NamedCommand(NAMES, GOOD), 10.0)
@@ -121,7 +125,7 @@ def test_commands_may_be_out_of_order_by_as_much_as_clocks_disagree(intake: Comm
     assert refused(intake, NamedCommand(NAMES, GOOD, age=0.02), 10.0) == expected
 
 
-def test_order_is_that_of_computing_not_of_arriving(intake: CommandIntake) -> None:
+def test_order_is_that_of_computing_not_of_arriving(intake: ValveCommandIntake) -> None:
     intake.take(NamedCommand(NAMES, GOOD, age=0.05), 10.0)
     intake.take(NamedCommand(NAMES, GOOD, age=0.05), 10.002)
     intake.take(NamedCommand(NAMES, GOOD), 10.003)
@@ -129,20 +133,22 @@ def test_order_is_that_of_computing_not_of_arriving(intake: CommandIntake) -> No
     assert kind == "out_of_order"
 
 
-def test_rounding_beyond_the_ends_is_clipped_and_no_more(intake: CommandIntake) -> None:
+def test_rounding_beyond_the_ends_is_clipped_and_no_more(intake: ValveCommandIntake) -> None:
     ends = (1.0 + 1e-6, -1.0 - 1e-6)
     assert intake.take(NamedCommand(NAMES, ends), 8.0) == (1.0, -1.0)
     for beyond in ((1.0 + 2e-6, 0.0), (0.0, -1.0 - 2e-6)):
         assert refused(intake, NamedCommand(NAMES, beyond))[0] == "out_of_range"
 
 
-def test_valves_of_both_kinds_in_one_command(regulated: CommandIntake) -> None:
+def test_valves_of_both_kinds_in_one_command(regulated: ValveCommandIntake) -> None:
     command = NamedCommand(NAMES, (NAN, -0.5), (), (200_000.0, NAN))
     assert regulated.take(command, 8.0) == (0.25, -0.5)
     assert refused(regulated, NamedCommand(NAMES, GOOD)) == ("field", REGULATOR)
 
 
-def test_a_regulator_goes_up_to_max_pressure_and_its_rounding(regulated: CommandIntake) -> None:
+def test_a_regulator_goes_up_to_max_pressure_and_its_rounding(
+    regulated: ValveCommandIntake,
+) -> None:
     for pressure, fraction in ((600_000.5, 0.75), (600_000.0, 0.75), (-0.5, 0.0)):
         command = NamedCommand(NAMES, (NAN, 0.0), (), (pressure, NAN))
         assert regulated.take(command, 8.0) == (fraction, 0.0)
@@ -159,7 +165,7 @@ def test_a_regulator_without_full_scale_is_refused_at_once(
     valve = replace(flexor.valve, kind="pressure_regulator")
     object.__setattr__(valve, "full_scale", full_scale)
     with pytest.raises(PamError) as caught:
-        CommandIntake(rig.with_muscle(replace(flexor, valve=valve)), TIMEOUT)
+        ValveCommandIntake(rig.with_muscle(replace(flexor, valve=valve)), TIMEOUT)
     expected = "elbow_flexor.valve.full_scale: a pressure regulator needs it [Pa gauge]"
     assert str(caught.value) == expected
 
@@ -167,14 +173,14 @@ def test_a_regulator_without_full_scale_is_refused_at_once(
 def test_a_full_scale_below_max_pressure_is_the_limit(rig: Rig) -> None:
     flexor = rig.muscles[0]
     valve = replace(flexor.valve, kind="pressure_regulator", full_scale=1e4)
-    intake = CommandIntake(rig.with_muscle(replace(flexor, valve=valve)), TIMEOUT)
+    intake = ValveCommandIntake(rig.with_muscle(replace(flexor, valve=valve)), TIMEOUT)
     assert intake.take(NamedCommand(NAMES, (NAN, 0.0), (), (1e4, NAN)), 8.0) == (1.0, 0.0)
     command = NamedCommand(NAMES, (NAN, 0.0), (), (1.5e4, NAN))
     assert refused(intake, command)[1] == "elbow_flexor: 15000 Pa, expected 0 to 10000 Pa"
 
 
 def test_commands_go_back_into_their_units(
-    intake: CommandIntake, regulated: CommandIntake, rig: Rig
+    intake: ValveCommandIntake, regulated: ValveCommandIntake, rig: Rig
 ) -> None:
     assert intake.in_units((0.25, -0.5)) == ([0.25, -0.5], [])
     position, effort = regulated.in_units((0.25, -0.5))
@@ -184,11 +190,11 @@ def test_commands_go_back_into_their_units(
         replace(m, valve=replace(m.valve, kind="pressure_regulator", full_scale=4e5))
         for m in rig.muscles
     ]
-    both = CommandIntake(replace(rig, muscles=tuple(muscles)), TIMEOUT)
+    both = ValveCommandIntake(replace(rig, muscles=tuple(muscles)), TIMEOUT)
     assert both.in_units((0.25, 0.5)) == ([], [1e5, 2e5])
 
 
-def heard(intake: CommandIntake, sources: list[str], period: float = 0.002) -> list[float]:
+def heard(intake: ValveCommandIntake, sources: list[str], period: float = 0.002) -> list[float]:
     """The times at which two publishers are reported [s]."""
     found = []
     for number, source in enumerate(sources):
@@ -199,7 +205,7 @@ def heard(intake: CommandIntake, sources: list[str], period: float = 0.002) -> l
     return found
 
 
-def test_two_publishers_are_recognised_at_the_third_command(intake: CommandIntake) -> None:
+def test_two_publishers_are_recognised_at_the_third_command(intake: ValveCommandIntake) -> None:
     assert heard(intake, ["a", "b", "a"]) == [pytest.approx(8.004)]
     (found,) = intake.conditions(8.01)
     assert (found.kind, found.subject) == ("two_publishers", "valve_commands")
@@ -208,7 +214,7 @@ def test_two_publishers_are_recognised_at_the_third_command(intake: CommandIntak
 
 
 def test_a_publisher_without_a_name_is_recognised_beside_one_with_a_name(
-    intake: CommandIntake,
+    intake: ValveCommandIntake,
 ) -> None:
     assert heard(intake, ["", "b", ""])
     assert "one without a name and b" in next(intake.conditions(8.01)).text
@@ -216,10 +222,10 @@ def test_a_publisher_without_a_name_is_recognised_beside_one_with_a_name(
 
 @pytest.mark.parametrize("sources", [["a"] * 50, ["a"] * 5 + ["b"] * 50, [""] * 20 + ["b"] * 20])
 def test_one_publisher_or_one_that_is_started_again_is_no_fault(
-    intake: CommandIntake, sources: list[str]
+    intake: ValveCommandIntake, sources: list[str]
 ) -> None:
     assert not heard(intake, sources)
 
 
-def test_publishers_that_take_turns_slowly_are_two_acts(intake: CommandIntake) -> None:
+def test_publishers_that_take_turns_slowly_are_two_acts(intake: ValveCommandIntake) -> None:
     assert not heard(intake, ["a", "b", "a"], period=1.2)

@@ -14,8 +14,8 @@ from typing import Any, Final
 
 import pytest
 
-from pam_driver.boards.mapped.device import Device
-from pam_driver.boards.mapped.reader import DeviceReader
+from pam_driver.boards.mapped.device import MappedDevice
+from pam_driver.boards.mapped.reader import MappedDeviceReader
 from pam_driver.boards.mapped.signal_layout import SignalLayout
 from pam_driver.boards.protocol import WiredBoard
 from pam_driver.boards.wiring import RigWiring
@@ -52,13 +52,13 @@ def manifold() -> WiredBoard:
     return RigWiring(load_rig(ELBOW_VENDOR)).boards["manifold"]
 
 
-def read(wired: WiredBoard, path: Path, data: str | bytes) -> DeviceReader:
+def read(wired: WiredBoard, path: Path, data: str | bytes) -> MappedDeviceReader:
     """The device of the rig with another DBC file."""
     path.write_bytes(data.encode("cp1252") if isinstance(data, str) else data)
-    return DeviceReader(replace(wired, settings={**wired.settings, "dbc": str(path)}))
+    return MappedDeviceReader(replace(wired, settings={**wired.settings, "dbc": str(path)}))
 
 
-def tables(reader: DeviceReader) -> str:
+def tables(reader: MappedDeviceReader) -> str:
     """All tables of a device, to compare."""
     return "" if reader.device is None else repr(plain(reader.device))
 
@@ -166,7 +166,7 @@ def test_every_number_that_follows_from_a_signal_is_finite_or_refused_with_its_l
             assert all(map(math.isfinite, numbers_of(reader.device))), shown
 
 
-def numbers_of(device: Device | None) -> list[float]:
+def numbers_of(device: MappedDevice | None) -> list[float]:
     """Every number in the tables of a device."""
 
     def walk(value: Any) -> list[float]:
@@ -291,7 +291,7 @@ def test_a_wrong_label_under_valid_is_refused(
     assert told in line
 
 
-def with_valid(wired: WiredBoard, valid: object, folder: Path) -> DeviceReader:
+def with_valid(wired: WiredBoard, valid: object, folder: Path) -> MappedDeviceReader:
     """The device with labels that are measurements."""
     pressures = wired.settings["pressures"]
     changed = {**pressures, "port_a": {**pressures["port_a"], "valid": valid}}
@@ -299,7 +299,7 @@ def with_valid(wired: WiredBoard, valid: object, folder: Path) -> DeviceReader:
     return read(wired, folder / "dev.dbc", LABELLED)
 
 
-def invalid_of(reader: DeviceReader) -> dict[int, str]:
+def invalid_of(reader: MappedDeviceReader) -> dict[int, str]:
     """The raw values of the first pressure that are no measurement."""
     assert reader.device is not None
     return dict(reader.device.answers[0].inputs[0].invalid)

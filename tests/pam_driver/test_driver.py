@@ -22,7 +22,7 @@ from pam_driver.boards.wiring import RigWiring
 from pam_driver.can_bus.bus import BusState, CanPort, SendOutcome, open_bus
 from pam_driver.driver import ActivationError, Driver
 from pam_driver.driver_settings import DriverSettings
-from pam_driver.safety.command_intake import CommandError, NamedCommand
+from pam_driver.safety.command_intake import CommandRefusedError, NamedCommand
 from pam_driver.safety.states import SafetyState
 from pam_driver.snapshot import Snapshot
 from pam_model.errors import PamError
@@ -117,7 +117,7 @@ def test_a_command_that_was_computed_before_the_activation_and_arrives_after_it_
     bench.step(0.2)
     bench.driver.activate(bench.now)
     bench.step(0.01)
-    with pytest.raises(CommandError, match="computed before the driver was activated"):
+    with pytest.raises(CommandRefusedError, match="computed before the driver was activated"):
         bench.driver.set_commands(NamedCommand(NAMES, (0.25, 0.25), age=0.02), bench.now)
     assert bench.driver.state is SafetyState.READY
     bench.driver.set_commands(NamedCommand(NAMES, (0.25, 0.25), age=0.005), bench.now)
@@ -127,13 +127,13 @@ def test_a_command_that_was_computed_before_the_activation_and_arrives_after_it_
 def test_commands_that_nobody_may_follow_are_counted_with_the_reason(bench: Bench) -> None:
     command = NamedCommand(NAMES, (0.25, 0.25))
     bench.step(0.2)
-    with pytest.raises(CommandError, match="the driver is vented; activate it first"):
+    with pytest.raises(CommandRefusedError, match="the driver is vented; activate it first"):
         bench.driver.set_commands(command, bench.now)
     bench.start()
     assert bench.driver.intake.last_rejection == ""
     burst(bench)
     bench.step(0.05)
-    with pytest.raises(CommandError, match="a fault is latched; clear it, then activate"):
+    with pytest.raises(CommandRefusedError, match="a fault is latched; clear it, then activate"):
         bench.driver.set_commands(command, bench.now)
     assert bench.driver.intake.rejected == {"not_active": 2}
     assert bench.driver.intake.accepted == 350
@@ -322,14 +322,14 @@ BAD_COMMANDS: dict[str, tuple[NamedCommand, str]] = {
 def test_a_bad_command_is_refused_whole_and_ages_out(name: str, bench: Bench) -> None:
     command, expected = BAD_COMMANDS[name]
     bench.start()
-    with pytest.raises(CommandError, match=expected):
+    with pytest.raises(CommandRefusedError, match=expected):
         bench.driver.set_commands(command, bench.now)
     bench.step()
     assert bench.board.commands[-1].valves == pytest.approx((0.25, -0.5), abs=2e-5)
     assert sum(bench.driver.intake.rejected.values()) == 1
     for _ in range(60):
         bench.step()
-        with pytest.raises(CommandError):
+        with pytest.raises(CommandRefusedError):
             bench.driver.set_commands(command, bench.now)
     assert bench.kinds() == {"command_timeout"}
     assert expected.split(":")[0] in str(bench.driver.faults[0])
@@ -339,7 +339,7 @@ def test_a_bad_command_is_refused_whole_and_ages_out(name: str, bench: Bench) ->
 
 def test_a_command_older_than_the_last_is_refused(bench: Bench) -> None:
     bench.start()
-    with pytest.raises(CommandError, match="older than"):
+    with pytest.raises(CommandRefusedError, match="older than"):
         bench.driver.set_commands(NamedCommand(NAMES, GOOD, age=0.05), bench.now)
 
 
@@ -536,7 +536,7 @@ def test_a_regulator_takes_pascal(rig: Rig, codec: BoardCodec, ports: tuple) -> 
         (NamedCommand(NAMES, effort=(600_100.0, 0.0)), "expected 0 to 600000 Pa"),
         (NamedCommand(NAMES, effort=(-1.0, 0.0)), "expected 0 to 600000 Pa"),
     ):
-        with pytest.raises(CommandError, match=expected):
+        with pytest.raises(CommandRefusedError, match=expected):
             bench.driver.set_commands(command, bench.now)
 
 

@@ -30,7 +30,7 @@ PLACES = {
     "DriverNode._publish_diagnostics": "fault_lowering",
     "DriverNode._on_clear_faults": "fault_lowering",
     "DriverTopics.publish": "fault_lowering",
-    "DriverNode._on_valve_commands": "fault_lowering",
+    "DriverInputs._on_valve_commands": "fault_lowering",
     "Driver.cycle": "fault",
     "FaultJudge.judge": "fault",
     "DriverNode.on_deactivate": "fault",
@@ -38,6 +38,7 @@ PLACES = {
 PROGRAM = """
 import pathlib, sys
 from pam_driver import driver_node, driver, fault_judge
+from pam_driver.driver_inputs import DriverInputs
 from pam_driver.driver_node import DriverNode, DriverTopics
 from pam_driver.driver import Driver
 from pam_driver.fault_judge import FaultJudge

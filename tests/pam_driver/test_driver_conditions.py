@@ -17,7 +17,7 @@ from pam_driver.boards.pam_board.codec import (
 from pam_driver.boards.protocol import Condition
 from pam_driver.can_bus.bus import BusState, SendOutcome
 from pam_driver.driver import ActivationError
-from pam_driver.safety.command_intake import CommandError, NamedCommand
+from pam_driver.safety.command_intake import CommandRefusedError, NamedCommand
 from pam_driver.safety.states import SafetyState
 from pam_model.rig import Encoder, Rig
 
@@ -95,7 +95,7 @@ def test_commands_that_stop_are_named_with_what_was_refused_last(bench: ExactBen
     bench.driver.vent(bench.now)
     bench.driver.clear_faults(bench.now)
     bench.start()
-    with pytest.raises(CommandError):
+    with pytest.raises(CommandRefusedError):
         bench.driver.set_commands(NamedCommand(NAMES[:1], (0.1,)), bench.now)
     bench.step(65)
     text += "; last refused: 1 names, expected 2: every muscle once"

@@ -116,6 +116,9 @@ def test_from_frames_to_topics_and_back(make_bench: Callable[[str], Bench], kind
     assert values["supply pressure [Pa absolute]"] == "701320"
 
 
+@pytest.mark.sampled(
+    "one of the two signals, which one function answers", alike=lambda kind, number: kind
+)
 @pytest.mark.parametrize("kind", BUSES)
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_vents_and_ends_with_0(

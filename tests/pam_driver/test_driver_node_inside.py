@@ -269,10 +269,10 @@ def test_commands_before_the_activation_are_counted_and_the_reason_is_shown(
 ) -> None:
     node = inside.node
     command = serialize_message(JointState(name=NAMES, position=[0.25, -0.25]))
-    node._commands.subscription.callback(command)
+    node._inputs.commands.subscription.callback(command)
     assert "valve_commands refused: not configured" in capfd.readouterr().err
     assert node.autostart()
-    node._commands.subscription.callback(command)
+    node._inputs.commands.subscription.callback(command)
     driver, diagnostics = node._driver, node._diagnostics
     assert driver is not None
     assert diagnostics is not None
@@ -298,8 +298,8 @@ def test_a_command_has_the_age_with_which_it_arrived_and_is_older_by_its_wait(
     if stamped:
         message.header.stamp = node.get_clock().now().to_msg()
         time.sleep(0.05)
-    node._commands.waited = 0.05
-    node._commands.subscription.callback(serialize_message(message))
+    node._inputs.commands.waited = 0.05
+    node._inputs.commands.subscription.callback(serialize_message(message))
     longest = time.time() - begin - 0.049 if stamped else 0.0
     assert driver._command_age <= longest
     assert time.monotonic() - driver._command_time >= 0.049
@@ -373,10 +373,10 @@ def test_a_topic_of_the_emergency_stop_stops_the_node(
         assert driver is not None
         inside.answer(lambda: not driver.missing_boards(time.monotonic()))
         assert "topic: no emergency stop" in driver.activation_problem(time.monotonic())
-        node._on_people(EMERGENCY_STOP, Bool(data=True))
+        node._inputs.on_people(EMERGENCY_STOP, Bool(data=True))
         inside.answer(inside.healthy)
         assert node.trigger_activate() == TransitionCallbackReturn.SUCCESS
-        node._on_people(EMERGENCY_STOP, Bool(data=False))
+        node._inputs.on_people(EMERGENCY_STOP, Bool(data=False))
         inside.answer(lambda: driver.state is SafetyState.FAULT)
         assert "emergency stop is pressed" in str(driver.faults[0])
     finally:
@@ -433,7 +433,9 @@ def test_the_lamp_is_green_only_while_every_muscle_is_measured_empty(
     node = inside.node
     told: list[str] = []
     monkeypatch.setattr(
-        node, "_lamp_topic", SimpleNamespace(publish=lambda message: told.append(message.data))
+        node._state_topic,
+        "_lamps",
+        SimpleNamespace(publish=lambda message: told.append(message.data)),
     )
     assert node.autostart()
     inside.answer(inside.healthy)
@@ -456,7 +458,9 @@ def test_every_change_of_state_is_published_with_its_reason(
     node = inside.node
     told: list[str] = []
     monkeypatch.setattr(
-        node, "_state_topic", SimpleNamespace(publish=lambda message: told.append(message.message))
+        node._state_topic,
+        "_states",
+        SimpleNamespace(publish=lambda message: told.append(message.message)),
     )
     assert node.autostart()
     inside.answer(inside.healthy)
@@ -483,7 +487,7 @@ def test_clear_faults_says_of_an_active_driver_that_it_is_active(inside: Inside)
     answer = node._on_clear_faults(Trigger.Request(), Trigger.Response())
     assert (answer.success, answer.message) == (True, "ready")
     node._watch()
-    assert node._published_state[0] == "ready", "not: faults cleared, not activated yet"
+    assert node._state_topic.text == "ready", "not: faults cleared, not activated yet"
     node._on_vent(Trigger.Request(), Trigger.Response())
     inside.answer(inside.healthy)
     answer = node._on_clear_faults(Trigger.Request(), Trigger.Response())
@@ -499,13 +503,13 @@ def test_the_state_tells_the_controller_whether_full_speed_is_permitted(
         node = inside.node
         assert node.count_subscribers("/pam_driver/full_speed_permitted") == 1
         assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
-        assert "at reduced speed" in node._published_state[0]
-        node._on_people(FULL_SPEED, Bool(data=True))
+        assert "at reduced speed" in node._state_topic.text
+        node._inputs.on_people(FULL_SPEED, Bool(data=True))
         node._publish_state()
-        assert "at reduced speed" not in node._published_state[0]
-        node._on_people(FULL_SPEED, Bool(data=False))
+        assert "at reduced speed" not in node._state_topic.text
+        node._inputs.on_people(FULL_SPEED, Bool(data=False))
         node._publish_state()
-        assert "at reduced speed" in node._published_state[0]
+        assert "at reduced speed" in node._state_topic.text
     finally:
         inside.close()
 

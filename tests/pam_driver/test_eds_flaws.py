@@ -13,9 +13,9 @@ from typing import Final
 
 import pytest
 
-from pam_driver.boards.canopen.device import Device
+from pam_driver.boards.canopen.device import CanopenDevice
 from pam_driver.boards.canopen.dictionary import profile_path
-from pam_driver.boards.canopen.reader import DeviceReader
+from pam_driver.boards.canopen.reader import CanopenDeviceReader
 from pam_driver.boards.protocol import WiredBoard
 from pam_driver.boards.wiring import RigWiring
 from pam_driver.tools.check_rig import check_rig
@@ -128,11 +128,11 @@ def encoder() -> WiredBoard:
     return RigWiring(load_rig(ELBOW_CANOPEN)).boards["encoder"]
 
 
-def read(encoder: WiredBoard, path: Path, data: str | bytes) -> DeviceReader:
+def read(encoder: WiredBoard, path: Path, data: str | bytes) -> CanopenDeviceReader:
     """The device of the rig with another EDS file."""
     path.write_bytes(data.encode() if isinstance(data, str) else data)
     settings = {key: value for key, value in encoder.settings.items() if key != "profile"}
-    return DeviceReader(replace(encoder, settings={**settings, "eds": str(path)}))
+    return CanopenDeviceReader(replace(encoder, settings={**settings, "eds": str(path)}))
 
 
 def sections() -> list[Lines]:
@@ -144,7 +144,7 @@ def joined(parts: list[Lines]) -> str:
 
 
 @pytest.fixture(scope="module")
-def good(encoder: WiredBoard, tmp_path_factory: pytest.TempPathFactory) -> Device:
+def good(encoder: WiredBoard, tmp_path_factory: pytest.TempPathFactory) -> CanopenDevice:
     reader = read(encoder, tmp_path_factory.mktemp("good") / "dev.eds", joined(sections()))
     assert reader.device is not None
     assert not reader.problems
@@ -154,7 +154,7 @@ def good(encoder: WiredBoard, tmp_path_factory: pytest.TempPathFactory) -> Devic
 
 @pytest.fixture(scope="module")
 def needed(
-    encoder: WiredBoard, good: Device, tmp_path_factory: pytest.TempPathFactory
+    encoder: WiredBoard, good: CanopenDevice, tmp_path_factory: pytest.TempPathFactory
 ) -> frozenset[int]:
     """The sections without which the device is another one, or cannot be used."""
     path = tmp_path_factory.mktemp("needed") / "dev.eds"
@@ -174,7 +174,7 @@ def needed(
 
 @pytest.mark.parametrize("flaw", FLAWS)
 def test_a_flaw_is_told_with_its_line_where_it_matters_and_survived_elsewhere(
-    flaw: str, encoder: WiredBoard, good: Device, needed: frozenset[int], tmp_path: Path
+    flaw: str, encoder: WiredBoard, good: CanopenDevice, needed: frozenset[int], tmp_path: Path
 ) -> None:
     parts = sections()
     told = 0
@@ -216,7 +216,7 @@ def _is_read(part: Lines, flaw: str) -> bool:
 
 @pytest.mark.parametrize("change", HARMLESS)
 def test_what_loses_nothing_changes_nothing(
-    change: str, encoder: WiredBoard, good: Device, tmp_path: Path
+    change: str, encoder: WiredBoard, good: CanopenDevice, tmp_path: Path
 ) -> None:
     reader = read(encoder, tmp_path / "dev.eds", HARMLESS[change](GOOD))
     assert not reader.problems
@@ -225,7 +225,7 @@ def test_what_loses_nothing_changes_nothing(
 
 @pytest.mark.parametrize("encoding", ENCODINGS)
 def test_every_usual_encoding_is_read(
-    encoding: str, encoder: WiredBoard, good: Device, tmp_path: Path
+    encoding: str, encoder: WiredBoard, good: CanopenDevice, tmp_path: Path
 ) -> None:
     name = (
         "绝对编码器"
@@ -251,7 +251,7 @@ def test_every_usual_encoding_is_read(
     ],
 )
 def test_a_flaw_in_what_nobody_uses_is_a_caution(
-    before: str, after: str, doubt: str, encoder: WiredBoard, good: Device, tmp_path: Path
+    before: str, after: str, doubt: str, encoder: WiredBoard, good: CanopenDevice, tmp_path: Path
 ) -> None:
     text = GOOD.replace(before, after)
     flawed = after.split("\n")[1 if "Comments" in after else 0]

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from pam_driver.driver import ActivationError
-from pam_driver.safety.command_intake import CommandError, NamedCommand
+from pam_driver.safety.command_intake import CommandRefusedError, NamedCommand
 from pam_driver.safety.start_up_check import (
     ABORT_ANGLE,
     ALLOWED_ANGLE,
@@ -586,7 +586,7 @@ def test_no_command_is_taken_while_the_valves_are_tested(elbow: Rig) -> None:
     bench.driver.activate(bench.now)
     bench.run(lambda: bench.now > 1.0)
     command = NamedCommand(elbow.muscle_names, (0.5, 0.5))
-    with pytest.raises(CommandError, match="the start-up check tests the valves"):
+    with pytest.raises(CommandRefusedError, match="the start-up check tests the valves"):
         bench.driver.set_commands(command, bench.now)
     bench.driver.vent(bench.now)
     bench.run(lambda: bench.driver.state is SafetyState.VENTED)
@@ -598,7 +598,7 @@ def test_a_command_from_before_the_end_of_the_check_is_refused(elbow: Rig) -> No
     bench = Bench(elbow)
     assert bench.check() == []
     command = NamedCommand(elbow.muscle_names, (0.5, 0.5), age=0.05)
-    with pytest.raises(CommandError, match="computed before the driver was activated"):
+    with pytest.raises(CommandRefusedError, match="computed before the driver was activated"):
         bench.driver.set_commands(command, bench.now)
     bench.driver.set_commands(command._replace(age=0.0), bench.now)
     assert bench.driver.state is SafetyState.ACTIVE

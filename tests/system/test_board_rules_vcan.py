@@ -13,7 +13,7 @@ from pam_demo.chain import BusChoice
 from pam_driver.board_rules.conformance import RULES, find_board, leave, play
 from pam_driver.board_rules.line import HeardFrame
 from pam_driver.board_rules.page import as_text
-from pam_driver.board_rules.rule import Verdict
+from pam_driver.board_rules.rule import RuleVerdict
 from pam_driver.board_rules.tester import BoardTester, TestLimits
 from pam_driver.can_bus.bus import SendOutcome, open_bus
 from support.broken_boards import CODEC, GoodBoard, VirtualLine
@@ -64,4 +64,4 @@ def test_the_simulated_board_keeps_rules_over_socketcan(bus: BusChoice) -> None:
         leave(tester)
     finally:
         line.close()
-    assert [as_text(one) for one in results if one.verdict is not Verdict.PASS] == []
+    assert [as_text(one) for one in results if one.verdict is not RuleVerdict.PASS] == []

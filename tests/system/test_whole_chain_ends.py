@@ -61,7 +61,9 @@ def end(suite, name: str, how: str) -> float:
     return at
 
 
-@pytest.mark.sampled("one way to end; test_driver_node ends the driver in each way", cases=1)
+@pytest.mark.long(
+    "test_one_process and test_driver_node end processes, test_faults each part of the chain"
+)
 @pytest.mark.rerun_because(HOST_STALLS)
 @pytest.mark.parametrize("how", HOW)
 def test_any_node_may_end(suite, how):

@@ -201,6 +201,24 @@ def _feedback_cost(given: Arguments) -> Outcome:
     return run(given)
 
 
+def _declare_disturbances(parser: Parser) -> None:
+    add_rig(parser)
+    add_seed(parser, 1)
+
+
+def _disturbances(given: Arguments) -> Outcome:
+    from pam_check.control.disturbances import run  # noqa: PLC0415  (numba)
+
+    return run(given)
+
+
+DISTURBANCES = Command(
+    "disturbances",
+    "push a joint that holds, and let the supply sag while it moves; show how far it yields",
+    _declare_disturbances,
+    _disturbances,
+)
+
 COMMANDS = (
     Command(
         "rough-control",
@@ -272,4 +290,5 @@ COMMANDS = (
         _declare_feedback_cost,
         _feedback_cost,
     ),
+    DISTURBANCES,
 )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pam_check.commands.common_arguments import add_inputs, add_seed
+from pam_check.commands.common_arguments import add_inputs, add_one_process, add_seed
 from pam_model.argument_types import number, output_folder
 from pam_model.command_line import Arguments, Command, Outcome, Parser, add_rig
 
@@ -55,6 +55,7 @@ def _declare_fuzz_topics(parser: Parser) -> None:
         help="how long (default: %(default)s)",
     )
     add_seed(parser, 0)
+    add_one_process(parser)
 
 
 def _fuzz_topics(given: Arguments) -> Outcome:

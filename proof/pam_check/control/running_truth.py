@@ -31,6 +31,8 @@ class RunningTruth:
         Number of samples that can be run.
     pressure : float
         Gauge pressure of both muscles at first [Pa].
+    supply : ndarray, optional
+        Pressure of the supply in each sample over that of the rig, shape (count,) [-].
 
     Attributes
     ----------
@@ -49,6 +51,7 @@ class RunningTruth:
         period: float,
         count: int,
         pressure: float,
+        supply: Array | None = None,
     ) -> None:
         self.becomes(joint, muscles)
         self._state = start_state(self._joint, self._muscles, (pressure, pressure))
@@ -57,7 +60,8 @@ class RunningTruth:
         steps = [sensors.pressure_step, sensors.position_step, sensors.command_step]
         self._settings = np.array([period, 0.0, 0.0, 0.0, *steps])
         self._command_step = sensors.command_step
-        self._unused, self._supply = np.zeros(count), np.ones(count)
+        self._unused = np.zeros(count)
+        self._supply: Array = np.ones(count) if supply is None else supply
         self._given, self.commands = np.zeros((count, 2)), np.zeros((count, 2))
         self.sensed, self.truth = np.zeros((count, 5)), np.zeros((count, 3))
         self.samples = 0

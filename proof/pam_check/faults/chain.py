@@ -24,7 +24,7 @@ from pam_control.controller import Controller
 from pam_driver.can_bus.bus import CanPort
 from pam_driver.driver import Driver
 from pam_driver.driver_settings import DriverSettings
-from pam_driver.safety.command_intake import CommandError, NamedCommand
+from pam_driver.safety.command_intake import CommandRefusedError, NamedCommand
 from pam_driver.safety.pressure_plausibility import PressurePlausibility
 from pam_driver.safety.states import SafetyState
 from pam_driver.snapshot import Snapshot
@@ -352,7 +352,7 @@ class FaultChain:
         """Give a command to the driver, which may refuse it."""
         try:
             self.driver.set_commands(command._replace(age=age), self.now)
-        except CommandError as error:
+        except CommandRefusedError as error:
             self.noticed[error.kind] += 1
 
     def _deliver(self) -> None:

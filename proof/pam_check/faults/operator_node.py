@@ -14,7 +14,7 @@ from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
-from std_msgs.msg import String
+from std_msgs.msg import Bool, String
 from std_srvs.srv import Trigger
 
 from pam_check.faults.chain import AMPLITUDE, FREQUENCY
@@ -27,7 +27,9 @@ from pam_driver.boards.pam_board.codec import (
     ValveCommand,
 )
 from pam_driver.can_bus.bus import CanPort
+from pam_driver.driver_parameters import PEOPLE_TOPICS
 from pam_model.errors import PamError
+from pam_model.rig import Rig
 from pam_ros.foreign_text import SENTENCE, plain
 from pam_ros.start import start_ros
 from pam_ros.subscriptions import MOST_BYTES_OF_DIAGNOSTICS, subscribe
@@ -44,8 +46,8 @@ class FaultOperator(Node):  # type: ignore[misc]
 
     Parameters
     ----------
-    joints : tuple of str
-        The joints to move.
+    rig : Rig
+        Names the joints, which all move, and the topics that must permit it.
     port : CanPort
         Port on the bus; the caller closes it.
 
@@ -61,15 +63,20 @@ class FaultOperator(Node):  # type: ignore[misc]
         Last texts of the driver's diagnostics since `forget`.
     """
 
-    def __init__(self, joints: tuple[str, ...], port: CanPort) -> None:
+    def __init__(self, rig: Rig, port: CanPort) -> None:
         super().__init__("fault_operator")
         self.states: dict[int, BoardState] = {}
         self.last_air = self.last_enabled = -math.inf
         self.fault = self.suspicion = ""
-        self._joints = joints
+        self._joints = rig.joint_names
         self._port = port
         self._codec = BoardCodec.from_dbc()
         self._commands = self.create_publisher(JointState, "pam_controller/commands", 1)
+        self._permissions = [
+            self.create_publisher(Bool, topic.replace("~", "pam_driver"), 1)
+            for name, topic in PEOPLE_TOPICS.items()
+            if getattr(rig.people, f"{name}_topic")
+        ]
         self._faults = self.create_publisher(String, "pam_rig/inject_fault", 10)
         self._triggers = {
             name: self.create_client(Trigger, name)
@@ -197,6 +204,8 @@ class FaultOperator(Node):  # type: ignore[misc]
         )
         message.header.stamp = self.get_clock().now().to_msg()
         self._commands.publish(message)
+        for permission in self._permissions:
+            permission.publish(Bool(data=True))
 
     def _on_diagnostics(self, message: Any) -> None:
         for status in message.status:
@@ -209,12 +218,12 @@ class FaultOperator(Node):  # type: ignore[misc]
 
 @contextlib.contextmanager
 def open_operator(
-    joints: tuple[str, ...], port: CanPort, environment: Mapping[str, str]
+    rig: Rig, port: CanPort, environment: Mapping[str, str]
 ) -> Iterator[FaultOperator]:
-    """An operator of these joints in the ROS domain of this environment; ends with the context."""
+    """An operator of this rig in the ROS domain of this environment; ends with the context."""
     with set_environment(environment):
         start_ros([])
-    operator = FaultOperator(joints, port)
+    operator = FaultOperator(rig, port)
     try:
         yield operator
     finally:

@@ -26,7 +26,7 @@ from pam_driver.can_bus.bus import CanPort, open_bus
 from pam_model.argument_types import make_parents
 from pam_model.command_line import Arguments, Outcome, chosen_rig
 from pam_model.errors import PamError
-from pam_model.rig import load_rig
+from pam_model.rig import Rig, load_rig
 from pam_sim.fault_injection import INJECTIONS
 from pam_sim.faults.fault_kind import LOWERING, STOPS, FaultKind, Reaction
 from pam_sim.faults.kinds import KINDS, kinds_called
@@ -36,7 +36,7 @@ PATIENCE = 120.0  # s, until nodes have started (again) on a busy host
 HOST_FAULTS = (
     "driver_stopped", "driver_killed", "controller_stopped", "controller_killed", "vent_called"
 )  # fmt: skip
-START = ("rig", "driver", "controller")
+START = ("rig", "driver", "controller", "model")
 TOGETHER = ("rig", "robot")
 """What is started, with driver and controller as two processes or as one."""
 
@@ -130,10 +130,8 @@ class Operator(Protocol):
         ...
 
 
-OpenOperator = Callable[
-    [tuple[str, ...], CanPort, Mapping[str, str]], AbstractContextManager[Operator]
-]
-"""Creates the operator of these joints on this bus, in the ROS domain of this environment."""
+OpenOperator = Callable[[Rig, CanPort, Mapping[str, str]], AbstractContextManager[Operator]]
+"""Creates the operator of this rig on this bus, in the ROS domain of this environment."""
 
 
 def time_outs(diagnostics: str) -> set[str]:
@@ -219,6 +217,12 @@ def _process_of(chain: Chain, kind: FaultKind) -> tuple[str, str]:
     return ("robot" if "robot" in chain.processes else name), what
 
 
+def start_nodes(chain: Chain, *, one_process: bool) -> None:
+    """Start the simulated rig and its nodes, with `one_process` as one program of the robot."""
+    for name in TOGETHER if one_process else START:
+        _start(chain, name)
+
+
 def _start(chain: Chain, name: str) -> None:
     if name == "robot":
         chain.start_robot()
@@ -287,11 +291,10 @@ def run_all(
     port = open_bus(bus.interface, bus.channel, port=bus.port)
     try:
         with (
-            open_operator(rig.joint_names, port, environment) as operator,
+            open_operator(rig, port, environment) as operator,
             Chain([rig_path], bus, environment) as chain,
         ):
-            for name in TOGETHER if one_process else START:
-                _start(chain, name)
+            start_nodes(chain, one_process=one_process)
             if not operator.run(PATIENCE, operator.ready):
                 raise PamError(f"no chain within {PATIENCE:g} s")
             for kind in kinds:

@@ -31,7 +31,7 @@ from pam_driver.boards.pam_board.codec import (
 from pam_driver.can_bus.bus import BusState, ReceivedFrame, SendOutcome
 from pam_driver.driver import ActivationError, Driver
 from pam_driver.driver_settings import DriverSettings
-from pam_driver.safety.command_intake import CommandError, CommandIntake, NamedCommand
+from pam_driver.safety.command_intake import CommandRefusedError, NamedCommand, ValveCommandIntake
 from pam_driver.safety.pressure_plausibility import PressurePlausibility
 from pam_driver.safety.states import OUTPUTS, SafetyState
 from pam_model.rig import Rig, load_rig
@@ -110,13 +110,13 @@ def frames(data: bytes) -> None:
 def commands(data: bytes) -> None:
     """Valve commands are refused, or give fractions within full scale."""
     reader, rig = Reader(data), _rig()
-    intake, now = CommandIntake(rig, 0.1), 10.0
+    intake, now = ValveCommandIntake(rig, 0.1), 10.0
     while not reader.empty:
         now += PERIOD * reader.byte()
         command = _command(reader)
         try:
             fractions = intake.take(command, now)
-        except CommandError as error:
+        except CommandRefusedError as error:
             if intake.rejected[error.kind] < 1:
                 raise ViolationError(f"{error} is not counted") from error
             continue
@@ -240,7 +240,7 @@ class _DriverRun:
         command = _command(self.reader)
         try:
             self.driver.set_commands(command, self.now)
-        except CommandError:
+        except CommandRefusedError:
             return
         self.commanded = max(self.commanded, self.now - command.age)
 

@@ -26,7 +26,7 @@ from pam_driver.boards.pam_board.messages import BoardMessage
 from pam_driver.can_bus.bus import BusState, ReceivedFrame, SendOutcome
 from pam_driver.driver import Driver
 from pam_driver.driver_settings import DriverSettings
-from pam_driver.safety.command_intake import CommandIntake, NamedCommand
+from pam_driver.safety.command_intake import NamedCommand, ValveCommandIntake
 from pam_driver.safety.pressure_plausibility import PressurePlausibility
 from pam_driver.safety.states import SafetyState
 from pam_model.errors import PamError
@@ -190,7 +190,7 @@ def board_target(rig: Rig) -> Target:
 
 def commands_target(rig: Rig) -> Target:
     """Valve commands are refused, or give fractions within full scale."""
-    intake = CommandIntake(rig, 0.1)
+    intake = ValveCommandIntake(rig, 0.1)
     clock = [0.0]
 
     def target(draw: random.Random) -> None:

@@ -180,7 +180,7 @@ class Controller:
         after = self._default_stiffness(prepared.asked)
         if after != before and self.stiffness_commands == before:  # none was commanded
             self._limits.use(after)
-        self._apply((self.guard.softened and prepared.soft) or prepared.normal)
+        self._apply(self._loops())
 
     @property
     def adapts(self) -> bool:
@@ -191,6 +191,13 @@ class Controller:
     def can_soften(self) -> bool:
         """Whether there are soft gains for these settings."""
         return self.prepared.soft is not None
+
+    def _loops(self) -> Loops:
+        """The loops that the guard permits."""
+        if self.guard.softened and self.prepared.soft is not None:
+            return self.prepared.soft
+        lower = (self.prepared.normal, *self.prepared.lowered)
+        return lower[min(self.guard.lowered, len(lower) - 1)]
 
     def _apply(self, loops: Loops) -> None:
         """Use these loops from the next step on, without a jump of the desired pressures."""
@@ -303,9 +310,10 @@ class Controller:
     def drop_commands(self) -> None:
         """Stop, and forget the stiffness that was commanded; references are dropped in any case."""
         self.deactivate()
-        if self.guard.softened:
-            self._apply(self.prepared.normal)
+        changed = self.guard.softened or self.guard.lowered
         self.guard.clear()
+        if changed:
+            self._apply(self.prepared.normal)
         self._limits.use(self._default_stiffness(self.settings))
 
     def stop(self, now: float) -> None:
@@ -439,9 +447,10 @@ class Controller:
                 return self._stopped()
             if self.lowering.phase is LoweringPhase.SINKING:
                 return output
-        match self.guard.judge(time, joints, self.settings.tracking_time, self.can_soften):
-            case Verdict.SOFTEN if self.prepared.soft is not None:
-                self._apply(self.prepared.soft)
+        wait, steps = self.settings.tracking_time, len(self.prepared.lowered)
+        match self.guard.judge(time, joints, wait, self.can_soften, steps):
+            case Verdict.LOWER | Verdict.SOFTEN:
+                self._apply(self._loops())
             case Verdict.STOP:
                 return self._stopped()
         return output

@@ -112,7 +112,8 @@ class ControllerHealth:
         values["pressure loop gain [1/s]"] = controller.settings.pressure_gain
         guard = controller.guard
         values["soft gains because"] = guard.softened or "not used"
-        values["swings at rest"] = guard.swings or "none"
+        values["swings"] = guard.swings or "none"
+        values["gains lowered because of swings, times"] = guard.lowered
         values["stopped because"] = guard.stopped or "not stopped"
         values["lowering"] = controller.lowering.phase.value
         changes = self._changes

@@ -116,9 +116,10 @@ class ControllerNode(Node):  # type: ignore[misc]
             f"designing the gains of {', '.join(self.rig.joint_names)}; designs of earlier starts "
             f"are {f'in {folder}' if folder else 'not kept: there is no home folder'}"
         )
-        self._controller = create_controller(self.rig, values, self.rig.joint_names, self._designs)
+        # the libraries of the design stay out of this process, at the first start as later
         self._design_process = SeparateProcess()
         self._designs.compute_in(self._design_process)
+        self._controller = self._first_controller(values)
         self.steady_timers = SteadyTimers()
         self._designing, self._planning, self._foreseeing, self._writing = (
             SlowWork(name, self.steady_timers) for name in ("design", "plan", "limits", "files")
@@ -203,6 +204,13 @@ class ControllerNode(Node):  # type: ignore[misc]
         gc.collect()
         gc.freeze()
         self.loop.start()
+
+    def _first_controller(self, values: Mapping[str, Value]) -> Any:
+        try:
+            return create_controller(self.rig, values, self.rig.joint_names, self._designs)
+        except BaseException:
+            self._design_process.close()
+            raise
 
     @property
     def rate(self) -> float:

@@ -34,6 +34,7 @@ from pam_ros.valve_command import PRESSURE_REGULATOR
 
 WARM_UP = 2  # repetitions in which the adaptation learns the rig
 LEARNING_FIELDS = ("learning_motion", "learning_file", "adaptation", "default_stiffness")
+LOWERED = (0.6, 0.36)  # shares of the gains for a joint that swings a little
 STIFFNESS_RANGE = 0.15  # about the default stiffness, for which learning converges
 
 
@@ -67,16 +68,50 @@ class Loops:
         }
         return dataclasses.replace(self, settings=settings.replace(**kept))
 
+    def lowered(self, share: float) -> Loops:
+        """The loops with a share of the gains [-]; the integral gets its square.
+
+        So the integral's phase lag moves away from the crossover. The margins are not known.
+        """
+        gains = {
+            name: schedule.changed(
+                lambda each: dataclasses.replace(
+                    each,
+                    proportional=share * each.proportional,
+                    integral=share * share * each.integral,
+                    derivative=share * each.derivative,
+                    observer=share * each.observer,
+                )
+            )
+            for name, schedule in self.settings.gains.items()
+        }
+        return dataclasses.replace(self, settings=self.settings.replace(gains=gains))
+
 
 @dataclass(frozen=True, slots=True)
 class PreparedSettings:
-    """Settings and law as asked for, the loops with normal and soft gains, and what is learnt."""
+    """Settings and law as asked for, the loops with all gains, and what is learnt.
+
+    Attributes
+    ----------
+    asked, law
+        As asked for.
+    normal : Loops
+        Usually in use.
+    soft : Loops or None
+        For a joint that has oscillated; None if there are none.
+    learning : LearningSession or None
+        Of a motion that is repeated.
+    lowered : tuple of Loops
+        For a joint that swings a little, each with lower gains than the one before.
+    """
 
     asked: ControlSettings
     law: AnyLaw
     normal: Loops
     soft: Loops | None
     learning: LearningSession | None = None
+    lowered: tuple[Loops, ...] = ()
 
 
 class LoopDesign:
@@ -300,7 +335,11 @@ class LoopDesign:
             return self.prepared(settings)
         normal, soft = before.normal, before.soft
         prepared = PreparedSettings(
-            settings, self.law, normal.changed_to(settings), soft and soft.changed_to(settings)
+            settings,
+            self.law,
+            normal.changed_to(settings),
+            soft and soft.changed_to(settings),
+            lowered=tuple(each.changed_to(settings) for each in before.lowered),
         )
         if self._learns_as_before(settings, before.asked):
             return dataclasses.replace(prepared, learning=before.learning)
@@ -352,8 +391,9 @@ class LoopDesign:
     def _designed_and_checked(self, settings: ControlSettings) -> PreparedSettings:
         designed = self.designed(settings)
         normal = Loops(designed, self.check(designed))
+        lowered = self._lowered(normal)
         if settings.safe_delay <= settings.extra_delay:
-            return PreparedSettings(settings, self.law, normal, None)
+            return PreparedSettings(settings, self.law, normal, None, lowered=lowered)
         soft: Loops | None = None
         with contextlib.suppress(ControlDesignError):
             asked = settings.replace(
@@ -367,7 +407,20 @@ class LoopDesign:
             )
             designed = self.designed(asked, one_set=True)
             soft = Loops(designed, self.check(designed), soft=True)
-        return PreparedSettings(settings, self.law, normal, soft)
+        return PreparedSettings(settings, self.law, normal, soft, lowered=lowered)
+
+    def _lowered(self, normal: Loops) -> tuple[Loops, ...]:
+        """Loops with lower and lower gains, as long as they are safe.
+
+        The muscles are a spring, so that most joints need no feedback to be stable. Without
+        feedforward, one that gravity turns over does.
+        """
+        found = []
+        with contextlib.suppress(ControlDesignError):
+            for share in LOWERED:
+                loops = normal.lowered(share)
+                found.append(dataclasses.replace(loops, margins=self.check(loops.settings)))
+        return tuple(found)
 
 
 def _with_middles(grid: tuple[float, ...]) -> tuple[float, ...]:

@@ -6,8 +6,10 @@ oscillates after a pause, or follows its reference with too large an error, the 
 The oscillation that a tube in front of a muscle causes until it is found also gets a pause to fade,
 because the pressure loops change then.
 
-Small swings about a target at rest are only told, with their likely cause: the safe gains leave a
-larger error of friction and load than the swings have. Swings that grow bring the safe gains.
+Swings that are too small for that are told with their likely cause, and answered step by step,
+because the safe gains leave larger errors of friction and load: the gains are lowered, and lowered
+again while the swings go on, then the safe gains are used, and a joint that swings with these as
+widely as at first is stopped.
 """
 
 from __future__ import annotations
@@ -19,7 +21,7 @@ from enum import Enum
 
 from pam_control.control_step import JointTelemetry
 from pam_control.feedback.loop_watch import OscillationWatch, TrackingWatch
-from pam_control.feedback.rest_watch import RestWatch
+from pam_control.feedback.swing_watch import Reversals, Swings, SwingWatch
 from pam_model.robot import RobotJoint
 
 PAUSE = 0.6  # s after softening or a tube; what is under way with the old loops fades in this time
@@ -33,6 +35,7 @@ class Verdict(Enum):
     """What the controller has to do."""
 
     NOTHING = "nothing"
+    LOWER = "lower"
     SOFTEN = "soften"
     STOP = "stop"
 
@@ -50,24 +53,29 @@ class LoopGuard:
     softened, stopped : str
         Why the safe gains are used, and why the controller has stopped; empty if it has not.
     swings : str
-        Which joint swung at rest since the last vent, and why; empty if none has.
+        Which joint has swung since the last vent, and why; empty if none has.
+    lowered : int
+        How often the gains are to be lowered because of swings.
     """
 
     def __init__(self, joints: Sequence[RobotJoint]) -> None:
         self._oscillation = [OscillationWatch(joint.max_velocity) for joint in joints]
         self._tracking = [TrackingWatch(joint.max_tracking_error) for joint in joints]
-        self._resting = [RestWatch() for _ in joints]
+        self._swinging = [SwingWatch() for _ in joints]
+        self._reversals = [Reversals() for _ in joints]
         self._names = [joint.name for joint in joints]
-        self._pause_until = -math.inf
+        self._pause_until = self._swings_fade_until = -math.inf
         self._gaps: deque[tuple[float, float]] = deque()
         self._tubes = [0 for _ in joints]  # muscles that were found to be behind one, by joint
         self._fading_until = [-math.inf for _ in joints]
         self.softened = self.stopped = self.swings = ""
+        self.lowered, self._first_size = 0, math.inf  # the latter of the first swings, rad
 
     def clear(self) -> None:
         """Forget everything, after someone has vented the driver."""
         self.softened = self.stopped = self.swings = ""
-        self._pause_until = -math.inf
+        self.lowered, self._first_size = 0, math.inf
+        self._pause_until = self._swings_fade_until = -math.inf
         self._gaps.clear()
         self._tubes = [0 for _ in self._names]
         self._fading_until = [-math.inf for _ in self._names]
@@ -75,11 +83,9 @@ class LoopGuard:
 
     def restart(self) -> None:
         """The joints were taken over: what was seen before belongs to another motion."""
-        watches = zip(self._oscillation, self._tracking, self._resting, strict=True)
-        for oscillation, tracking, resting in watches:
-            oscillation.reset()
-            tracking.reset()
-            resting.reset()
+        for watches in (self._oscillation, self._tracking, self._swinging):
+            for watch in watches:
+                watch.reset()
 
     def watch_gaps(self, time: float, gap: float, longest: float) -> str:
         """Stop a loop that stands still again and again; return why, or an empty text.
@@ -119,6 +125,7 @@ class LoopGuard:
         joints: Sequence[JointTelemetry],
         tracking_time: float,
         can_soften: bool,
+        steps: int = 0,
     ) -> Verdict:
         """Judge the telemetry of a control cycle.
 
@@ -132,8 +139,12 @@ class LoopGuard:
             How long a tracking error may be above its limit [s].
         can_soften : bool
             Whether there are safe gains.
+        steps : int
+            How often the normal gains can be lowered.
         """
-        rests = all(_rests(joint) for joint in joints)
+        answer = self._answer_swings(time, joints, can_soften, steps)
+        if answer is not Verdict.NOTHING:
+            return answer
         for index, (joint, oscillation, tracking) in enumerate(
             zip(joints, self._oscillation, self._tracking, strict=True)
         ):
@@ -149,9 +160,6 @@ class LoopGuard:
                 wild = oscillation.update(time, joint.reference.velocity, speed)
             if self._fades(index, time, joint.behind_tube):
                 wild = oscillation.too_fast(speed)
-            swings = self._resting[index].update(time, joint.motion.position, rests)
-            if swings and not self.swings:
-                self.swings = f"{name}: {swings}"
             if not wild or time < self._pause_until:
                 continue
             if self.softened or not can_soften:
@@ -163,8 +171,64 @@ class LoopGuard:
             return Verdict.SOFTEN
         return Verdict.NOTHING
 
+    def _answer_swings(
+        self, time: float, joints: Sequence[JointTelemetry], can_soften: bool, steps: int
+    ) -> Verdict:
+        """Tell small swings, and what has to be done against them."""
+        pairs = zip(self._reversals, joints, strict=True)
+        changes = sum(
+            reversals.update(joint.reference.velocity, joint.reference.acceleration)
+            for reversals, joint in pairs
+        )
+        rests = all(
+            joint.reference.velocity == 0.0 and joint.reference.acceleration == 0.0
+            for joint in joints
+        )
+        verdict = Verdict.NOTHING
+        for name, joint, watch in zip(self._names, joints, self._swinging, strict=True):
+            if joint.law.yields or joint.law.driven:  # others move it
+                continue
+            seen = watch.update(time, joint.error, joint.motion.position, changes, rests)
+            fades = time < max(self._pause_until, self._swings_fade_until)
+            if seen is not None and not fades and verdict is Verdict.NOTHING:
+                told = f"{name}: {_told(seen, joint.behind_tube)}"
+                verdict = self._answer(told, seen, can_soften, steps)
+        if verdict is Verdict.LOWER:  # the other watches go on
+            self._swings_fade_until = time + PAUSE
+            for watch in self._swinging:
+                watch.reset()
+        elif verdict is Verdict.SOFTEN:
+            self._pause_until = time + PAUSE
+            self.restart()
+        return verdict
 
-def _rests(joint: JointTelemetry) -> bool:
-    """Whether nothing but its own loop moves a joint: no motion, and nobody who leads it."""
-    still = joint.reference.velocity == 0.0 and joint.reference.acceleration == 0.0
-    return still and not joint.law.yields and not joint.law.driven
+    def _answer(self, told: str, seen: Swings, can_soften: bool, steps: int) -> Verdict:
+        if not self.swings:
+            self.swings, self._first_size = told, seen.size
+        if self.softened:
+            if seen.size < self._first_size:
+                return Verdict.NOTHING
+            self.stopped = f"{told}; with soft gains it swings as widely"
+            return Verdict.STOP
+        if self.lowered < steps:
+            self.lowered += 1
+            return Verdict.LOWER
+        if not can_soften:
+            return Verdict.NOTHING
+        self.softened = told
+        return Verdict.SOFTEN
+
+
+def _told(seen: Swings, behind_tube: int) -> str:
+    """What is told of swings that were seen."""
+    if behind_tube:
+        cause = "a tube between valve and muscle"
+    elif seen.sticks:
+        cause = "dry friction that sticks, with the integral of the feedback"
+    else:
+        cause = "a delay that the rig file does not name"
+    where = "at rest" if seen.rests else "in motion"
+    return (
+        f"the joint swings {where} by {1e3 * seen.size:.1f} mrad at {seen.frequency:.2g} Hz; "
+        f"likely cause: {cause}"
+    )

@@ -175,20 +175,30 @@ def perform(
 
 
 def _try(player: Player, chain: Chain) -> None:
-    """Play the trial and refuse a rate that the loops do not keep.
+    """Play the trial, and once more if the loops did not keep the rate in the first one.
+
+    What else a computer does at that moment, for instance the rest of a start, is over in the
+    second trial; a computer that is too slow is so in both.
 
     Raises
     ------
     TooSlowError
-        If too many cycles are late, or the driver vents.
+        If too many cycles are late in both trials, or the driver vents in both.
     """
+    try:
+        judge(_late_in_trial(player, chain))
+    except TooSlowError:
+        judge(_late_in_trial(player, chain))
+
+
+def _late_in_trial(player: Player, chain: Chain) -> float:
     player.start_counting()
     try:
         player.play(trial(), chain.check, lambda gone: None)
     except NotPlayedError as error:
         print(f"the trial ended early: {error}", flush=True)
         raise TooSlowError("its loops were so late that a motion was interrupted") from None
-    judge(player.late_share())
+    return player.late_share()
 
 
 def perform_at_a_rate_that_is_held(

@@ -1,7 +1,8 @@
 """The rate at which this computer can run the demo: tried, and halved until the loops keep it.
 
-Three processes share the processors. A computer that is slow, or busy with other programs, is late
-in some cycles at the suite's usual rate; the demo then runs at a rate that it holds, and says so.
+The robot, its simulation and the recorder share the processors. A computer that is slow, or busy
+with other programs, is late in some cycles at the suite's usual rate; the demo then runs at a rate
+that it holds, and says so.
 """
 
 from __future__ import annotations

@@ -17,9 +17,9 @@ from pam_driver.board_set import BoardSet, Clock, Port
 from pam_driver.boards.protocol import NEVER, Address, Board, Condition
 from pam_driver.boards.wiring import RigWiring
 from pam_driver.driver_settings import DriverSettings
-from pam_driver.fault_judge import FaultJudge, Motion, Plausibility, Readings
+from pam_driver.fault_judge import CommandedMotion, FaultJudge, PlausibilityCheck, Readings
 from pam_driver.joint_velocity import JointVelocity
-from pam_driver.safety.command_intake import CommandIntake, NamedCommand
+from pam_driver.safety.command_intake import NamedCommand, ValveCommandIntake
 from pam_driver.safety.exhaust_watch import ExhaustWatch, exhaust_timeout
 from pam_driver.safety.loop_watch import LoopWatch
 from pam_driver.safety.lowering import Lowering
@@ -53,7 +53,7 @@ class Driver:
         The open bus; by name where the rig file names several.
     settings : DriverSettings
         Limits and time-outs.
-    plausibility : Plausibility, optional
+    plausibility : PlausibilityCheck, optional
         Compares measurements with physics; without it, they are only compared with limits.
     wiring : RigWiring, optional
         Wiring of this rig; by default it is made with the default options of its kinds of board.
@@ -70,7 +70,7 @@ class Driver:
         Emergency stop and enabling switch.
     vent_reason : str
         Why the driver vented by itself without a fault; empty after the next activation.
-    intake : CommandIntake
+    intake : ValveCommandIntake
         Checks commands and counts those that it refuses and accepts.
     broken : Condition or None
         The exception that ended the regular work of the driver's process, see `fail`.
@@ -87,7 +87,7 @@ class Driver:
         rig: Rig,
         ports: Port | Mapping[str, Port],
         settings: DriverSettings,
-        plausibility: Plausibility | None = None,
+        plausibility: PlausibilityCheck | None = None,
         wiring: RigWiring | None = None,
     ) -> None:
         self.rig = rig
@@ -95,7 +95,7 @@ class Driver:
         self.state = SafetyState.UNCONFIGURED
         self.faults: tuple[Condition, ...] = ()
         self.conditions: tuple[Condition, ...] = ()
-        self.intake = CommandIntake(rig, settings.command_timeout)
+        self.intake = ValveCommandIntake(rig, settings.command_timeout)
         self._settings = settings
         self._velocity = tuple(
             JointVelocity(settings.velocity_bandwidth, settings.sensor_timeout) for _ in rig.joints
@@ -170,7 +170,7 @@ class Driver:
 
         Raises
         ------
-        CommandError
+        CommandRefusedError
             If it is refused; the previous command stays in use until it is too old.
         """
         with self._lock:
@@ -494,7 +494,7 @@ class Driver:
         return self._fractions if output.enable or output.lower else None
 
     def _conditions(self, now: float) -> Iterator[Condition]:
-        motion = Motion(
+        motion = CommandedMotion(
             self.state is SafetyState.ACTIVE,
             self._active_since,
             self._command_time,

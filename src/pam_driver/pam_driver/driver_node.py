@@ -21,12 +21,10 @@ from functools import partial
 from typing import Any, Protocol
 
 import rclpy
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.experimental import EventsExecutor
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 from rclpy.node import Node
-from sensor_msgs.msg import JointState
-from std_msgs.msg import Bool, String
 from std_srvs.srv import Trigger
 
 from pam_driver.boards.weaker_promises import weaker_promises
@@ -35,26 +33,26 @@ from pam_driver.driver import Driver
 from pam_driver.driver_assembly import assemble_driver
 from pam_driver.driver_diagnostics import DriverDiagnostics
 from pam_driver.driver_end import end_driver
-from pam_driver.driver_parameters import HELP, PEOPLE_TOPICS, TABLE, bus_options
+from pam_driver.driver_inputs import DriverInputs
+from pam_driver.driver_parameters import HELP, TABLE, bus_options
+from pam_driver.driver_state_topic import DriverStateTopic
 from pam_driver.driver_topics import DriverTopics
-from pam_driver.safety.command_intake import CommandError, NamedCommand
-from pam_driver.safety.states import FAULTY, LAMPS, SafetyState
+from pam_driver.safety.command_intake import NamedCommand
+from pam_driver.safety.stalled_cycle import StalledCycleWatch
+from pam_driver.safety.states import FAULTY, SafetyState
 from pam_driver.snapshot import Snapshot
 from pam_driver.start_up import Advice, StartUp
 from pam_model.errors import PamError
 from pam_model.rig import Rig, described_key, rig_of_node
 from pam_ros.diagnostics import diagnostic_array
-from pam_ros.driver_state import LATCHED, driver_state_message
 from pam_ros.end_signals import EndSignals
 from pam_ros.errors import ParameterError
-from pam_ros.joint_state_bytes import JointStateFields, JointStateReader
 from pam_ros.lifecycle import notice_errors_of_transitions, refuse_impossible_transitions
 from pam_ros.node_end import end_node
 from pam_ros.node_help import MISTAKE, tell_mistake
 from pam_ros.parameters import NodeParameters
 from pam_ros.periodic import Loop, MakeLoop, PeriodicLoop
 from pam_ros.phase_follower import PhaseFollower
-from pam_ros.polled_topic import PolledTopic
 from pam_ros.start import start_ros
 from pam_ros.steady_timers import SteadyTimers, turns
 from pam_ros.unforeseen import BROKEN, described, hand_over, tell_unforeseen
@@ -63,7 +61,6 @@ _SUCCESS = TransitionCallbackReturn.SUCCESS
 _FAILURE = TransitionCallbackReturn.FAILURE
 _MOVING = frozenset({SafetyState.CHECKING, SafetyState.READY, SafetyState.ACTIVE})
 _WATCH_PERIOD = 0.05
-_STALLED = 3  # turns of the watch within one cycle
 NAME = "pam_driver"
 
 
@@ -136,9 +133,8 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         self._start_up = StartUp()
         self._fault_reported = False
         self._activation = 0  # names the last one
-        self._published_state = ("", 0)
         self._vent_reason = ""
-        self._watched_cycle = self._turns_of_cycle = 0  # of the loop; see `_watch_loop`
+        self._stalled_cycle = StalledCycleWatch(_WATCH_PERIOD)
         self._broken = ""  # the exception that ends this process
         refuse_impossible_transitions(self)
         notice_errors_of_transitions(self, self._notice)
@@ -147,33 +143,20 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         every = self.rate / (self._values.number("publish_rate") or self.rate)
         self._topics = DriverTopics(self, self._rig, keeps_nan, max(1, round(every)))
         self._diagnostics_topic = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        # taken by the I/O thread; two publishers in one cycle are both read
-        self._commands = PolledTopic(
+        self._inputs = DriverInputs(
             self,
-            JointState,
-            "valve_commands",
-            self._on_valve_commands,
-            read=JointStateReader().read,
+            self._rig.people,
+            lambda: self._driver,
+            lambda: None if partner is None else partner.source,
         )
-        self.polled_topics = [self._commands]
-        self._people: dict[str, PolledTopic] = {}
-        for name, topic in PEOPLE_TOPICS.items():
-            if getattr(self._rig.people, f"{name}_topic"):
-                # not latched: the last word of a publisher that has ended must not count as new;
-                # polled, so that they are also read while the end of the node lowers the joints
-                hear = partial(self._on_people, name)
-                # what cannot be read, or is lost since too many arrived, does not permit anything
-                forbid = partial(self._on_people, name, Bool(data=False))
-                self._people[name] = PolledTopic(
-                    self, Bool, topic, hear, malformed=forbid, overflow=forbid
-                )
-        self.polled_topics += self._people.values()
+        self.polled_topics = self._inputs.topics
         self.create_service(Trigger, "~/vent", self._on_vent)
         self.create_service(Trigger, "~/clear_faults", self._on_clear_faults)
-        # a plain publisher: that of a lifecycle node is silent until the node is active
-        self._state_topic = Node.create_publisher(self, DiagnosticStatus, "~/state", LATCHED)
-        self._lamp_topic = Node.create_publisher(self, String, "~/lamp", LATCHED)
-        self._lamp = ""
+        self._state_topic = DriverStateTopic(
+            self.get_name(),
+            partial(Node.create_publisher, self),
+            None if partner is None else partner.hear_state,
+        )
         self._publish_state()
         self.steady_timers = SteadyTimers()
         self.steady_timers.add(_WATCH_PERIOD, self._watch)
@@ -354,28 +337,16 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         reduced = self._rig.people.full_speed_topic and (
             driver is None or driver.people.reduced_speed(time.monotonic())
         )
-        message = driver_state_message(
-            self.get_name(), state.value, reason, reduced=reduced, activation=self._activation
-        )
-        told = message.message, self._activation
-        if told != self._published_state:
-            self._published_state = told
-            self._state_topic.publish(message)
-            if self._partner is not None:
-                self._partner.hear_state(message)
-        if LAMPS[state] != self._lamp:
-            self._lamp = LAMPS[state]
-            self._lamp_topic.publish(String(data=self._lamp))
+        self._state_topic.publish(state, reason, reduced=reduced, activation=self._activation)
 
     def _cycle(self, driver: Driver, now: float) -> None:
         """One cycle, in the I/O thread; after an exception only what stops the joints."""
         try:
             if driver.broken is not None:
-                for topic in self._people.values():
-                    topic.poll()
+                self._inputs.poll_people()
                 driver.cycle(now, time.time(), lambda: (time.monotonic(), time.time()))
                 return
-            self._poll()
+            self._inputs.poll()
             self._whole_cycle(driver, now)
         except Exception as error:
             self.break_down(error)
@@ -396,41 +367,9 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         self._snapshot = snapshot
         self._topics.publish(snapshot, driver.intake, wall_now, sent_at)
 
-    def _poll(self) -> None:
-        for topic in self.polled_topics:
-            topic.poll()
-
-    def _on_valve_commands(self, message: JointStateFields) -> None:
-        if self._partner is not None and message.frame_id == self._partner.source:
-            return  # for observers: the driver has had these commands
-        waited = self._commands.waited
-        # its age when it arrived; a stamp of zero means "now", as in other ROS interfaces
-        age = time.time() - waited - message.stamp if message.stamp else 0.0
-        command = NamedCommand(
-            message.name,
-            message.position,
-            message.velocity,
-            message.effort,
-            age,
-            message.frame_id,
-        )
-        self.take_commands(command, time.monotonic() - waited)
-
     def take_commands(self, command: NamedCommand, arrived: float) -> None:
-        """Use valve commands that arrived at this moment [s], or say why they are refused."""
-        reason = "not configured"
-        if self._driver is not None:
-            try:
-                self._driver.set_commands(command, arrived)
-                return
-            except CommandError as error:
-                reason = str(error)
-        self.get_logger().warning(f"valve_commands refused: {reason}", throttle_duration_sec=1.0)
-
-    def _on_people(self, name: str, message: Any) -> None:
-        if self._driver is not None:
-            arrived = time.monotonic() - self._people[name].waited
-            self._driver.people.hear_topic(name, bool(message.data), arrived)
+        """Use valve commands of the partner, computed at this moment [s], or refuse them."""
+        self._inputs.take(command, arrived)
 
     def _on_vent(self, request: Any, response: Any) -> Any:
         if self._driver is None:
@@ -469,11 +408,12 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         """Log what the I/O thread has found, and make the lifecycle transitions that follow."""
         driver = self._driver
         if driver is None:
-            self._poll()
+            self._inputs.poll()
             return
         if driver.broken is not None:  # `fail` is called in this turn, and reports it
             return
-        self._watch_loop(driver)
+        if self._loop is not None and (stalled := self._stalled_cycle.look(self._loop)):
+            driver.stop_stalled(stalled, time.monotonic())
         self._publish_state()
         if driver.state in FAULTY and not self._fault_reported:
             self._fault_reported = True
@@ -485,22 +425,6 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         if self._active:
             self._start_up.end()
         self._watch_start(driver)
-
-    def _watch_loop(self, driver: Driver) -> None:
-        """Vent when one cycle goes on and on: nobody else notices that on this computer.
-
-        Turns are counted, not time, since a process that was halted has not stalled.
-        """
-        loop = self._loop
-        if loop is None:
-            return
-        cycles = loop.statistics.cycles
-        self._turns_of_cycle = self._turns_of_cycle + 1 if cycles == self._watched_cycle else 0
-        self._watched_cycle = cycles
-        if loop.busy and self._turns_of_cycle == _STALLED:
-            least = _STALLED * _WATCH_PERIOD
-            text = f"a cycle has not returned within {least:g} s"
-            driver.stop_stalled(text, time.monotonic())
 
     def _watch_start(self, driver: Driver) -> None:
         """While the node starts: activate if this was asked for, else say what is needed."""

@@ -10,7 +10,7 @@ from typing import Any
 from builtin_interfaces.msg import Time
 from sensor_msgs.msg import FluidPressure
 
-from pam_driver.safety.command_intake import CommandIntake
+from pam_driver.safety.command_intake import ValveCommandIntake
 from pam_driver.snapshot import Snapshot
 from pam_model.rig import Rig
 from pam_ros.joint_state_publisher import JointStatePublisher, nanoseconds_of
@@ -49,7 +49,7 @@ class DriverTopics:
         ]
 
     def publish(
-        self, snapshot: Snapshot, intake: CommandIntake, wall_now: float, sent_at: float
+        self, snapshot: Snapshot, intake: ValveCommandIntake, wall_now: float, sent_at: float
     ) -> None:
         """Publish what one cycle measured and sent, if it is its turn.
 
@@ -57,7 +57,7 @@ class DriverTopics:
         ----------
         snapshot : Snapshot
             Result of the cycle.
-        intake : CommandIntake
+        intake : ValveCommandIntake
             Converts commands to their units.
         wall_now, sent_at : float
             When the cycle began, and when its commands had been sent; wall clock [s].

@@ -27,7 +27,7 @@ _RESTART_MEMORY: Final = 1.0
 _PAUSE_MEMORY: Final = 0.1
 
 
-class Plausibility(Protocol):
+class PlausibilityCheck(Protocol):
     """Compares measurements with physics, see `pam_driver.safety.pressure_plausibility`."""
 
     period: float
@@ -61,7 +61,7 @@ class Readings(NamedTuple):
     velocities: Sequence[float]
 
 
-class Motion(NamedTuple):
+class CommandedMotion(NamedTuple):
     """Whether the driver moves the valves, and by which command.
 
     Attributes
@@ -102,7 +102,7 @@ class FaultJudge:
         Limits and time-outs.
     vents : sequence of float
         By muscle the fraction of full scale at which its valve vents.
-    plausibility : Plausibility, optional
+    plausibility : PlausibilityCheck, optional
         Compares measurements with physics; without it, they are only compared with limits.
 
     Attributes
@@ -119,7 +119,7 @@ class FaultJudge:
         boards: BoardSet,
         settings: DriverSettings,
         vents: Sequence[float],
-        plausibility: Plausibility | None = None,
+        plausibility: PlausibilityCheck | None = None,
     ) -> None:
         self.suspicions: tuple[Condition, ...] = ()
         self.loop = LoopWatch(settings.loop_delay_limit, settings.period)
@@ -273,7 +273,7 @@ class FaultJudge:
         fill_time = self._rig.people.dump_valve_fill_time
         return fill_time > 0.0 and now - self._air_since < fill_time
 
-    def conditions(self, motion: Motion, now: float) -> Iterator[Condition]:
+    def conditions(self, motion: CommandedMotion, now: float) -> Iterator[Condition]:
         """Everything that is wrong now; while air may move, each condition is a fault.
 
         A pause of the driver itself is no fault, but the first reason of what is wrong after it.
@@ -288,7 +288,7 @@ class FaultJudge:
             yield Condition("driver_paused", "", text)
         yield from found
 
-    def _found(self, motion: Motion, now: float) -> Iterator[Condition]:
+    def _found(self, motion: CommandedMotion, now: float) -> Iterator[Condition]:
         settings = self._settings
         boards = self._boards
         yield from self._bus_conditions(now)

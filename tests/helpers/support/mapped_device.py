@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from pam_driver.boards.mapped.board import MappedBoard
-from pam_driver.boards.mapped.reader import DeviceReader
+from pam_driver.boards.mapped.reader import MappedDeviceReader
 from pam_driver.boards.wiring import RigWiring
 from pam_model.rig import Rig, load_rig
 from support.rigs import CONFIG
@@ -54,7 +54,9 @@ class RigWiringProblems:
 
     def __init__(self, rig: Rig) -> None:
         wired = RigWiring(rig, kinds={"mapped": _AcceptsAll}).boards
-        self.lines = [line for board in wired.values() for line in DeviceReader(board).problems]
+        self.lines = [
+            line for board in wired.values() for line in MappedDeviceReader(board).problems
+        ]
 
 
 class _AcceptsAll:

@@ -11,6 +11,10 @@ how sure it is.
 Errors count by exp(-age/memory). Some weights have a lower bound that physics gives, such as that
 of dry friction, which cannot drive a joint.
 
+With few data the weights change as fast as the values: they would be a feedback, whose margins
+nobody has designed. So the weights that are used follow the fit within a time that is long compared
+with the feedback. They are taken back where they do not help (`running_comparison`).
+
 What the weights explain must be larger than a threshold. Near it, they are reduced by the factor
 1 - (threshold/explained)^2, which is 0 below it. So a rig that is its rig file stays untouched by
 noise.
@@ -34,9 +38,11 @@ import numpy as np
 import numpy.typing as npt
 
 from pam_control.adaptation.recursive_fit import CORRELATED, DOUBTED, MEMORY, SOLVED_EVERY
+from pam_control.adaptation.running_comparison import RunningComparison
 
 PIVOTS: Final = 6  # exchanges of what is at its bound; the last sets are nearly always right
 BELIEVED_FOR: Final = 0.25  # s of motion, for which the believed error counts
+FOLLOWS: Final = 0.3  # s of motion, in which the weights follow the fit
 
 Array = npt.NDArray[np.float64]
 
@@ -83,7 +89,9 @@ class AveragedFit:
     Attributes
     ----------
     weights : list of float
-        Of the functions.
+        Of the functions, as they are to be used.
+    fitted : list of float
+        Of the functions, as the data show them now.
     probabilities : ndarray
         Of the rivals [-].
     """
@@ -109,12 +117,16 @@ class AveragedFit:
             self._bounds[number] = least
         self._finite: Array = np.where(np.isfinite(self._bounds), self._bounds, 0.0)
         self._diagonal = np.arange(count)
+        self._comparison = RunningComparison(threshold)
         self.forget()
 
     def forget(self) -> None:
         """Nothing is known."""
         rivals, count = self._penalty.shape
         self.weights: list[float] = [0.0] * count
+        self.fitted: list[float] = [0.0] * count
+        self._followed: Array = np.zeros(count)
+        self._comparison.forget()
         self.probabilities: Array = np.full(rivals, 1.0 / rivals)
         self._products: Array = np.zeros((count, count))
         self._wanted: Array = np.zeros(count)
@@ -132,16 +144,24 @@ class AveragedFit:
 
         The weights are computed anew every `SOLVED_EVERY`, because that takes most of the time.
         """
-        kept, share = math.exp(-duration / MEMORY), duration / CORRELATED
+        comparison = self._comparison
+        comparison.update(float(self._followed @ functions), value, duration)
+        kept = math.exp(-duration / comparison.memory(MEMORY))
+        share = duration / CORRELATED
         self._products *= kept
         self._products += share * (functions[:, None] * functions)
         self._wanted = kept * self._wanted + (share * value) * functions
         self._energy = kept * self._energy + share * value * value
         self._seen = kept * self._seen + share
         self._unsolved += duration
-        if self._unsolved < SOLVED_EVERY:
-            return
-        self._unsolved = 0.0
+        if self._unsolved >= SOLVED_EVERY:
+            self._unsolved = 0.0
+            self._fit()
+        self._followed += -math.expm1(-duration / FOLLOWS) * (self.fitted - self._followed)
+        self.weights = (comparison.share * self._followed).tolist()
+
+    def _fit(self) -> None:
+        """Compute the fitted weights from all data."""
         before = BELIEVED_FOR / CORRELATED
         samples, doubt = self._seen + before, before * np.square(self._believed)
         variance = np.maximum((self._left() + doubt) / samples, self._noise**2)
@@ -162,9 +182,9 @@ class AveragedFit:
         explained = float(weights @ self._products @ weights)
         least = self._threshold**2 * self._seen
         if explained <= least:
-            self.weights = [0.0] * len(weights)
+            self.fitted = [0.0] * len(weights)
         else:
-            self.weights = ((1.0 - least / explained) * weights).tolist()
+            self.fitted = ((1.0 - least / explained) * weights).tolist()
 
     def _solve(self, regular: Array, wanted: Array) -> None:
         """Find the weights of all rivals, each above its bound."""

@@ -14,6 +14,8 @@ One of the functions may be a suspect: it resembles others so much that most dat
 apart. It is left out of the fit until the fit with it leaves so much smaller errors that nothing
 else can be the cause.
 
+What was learnt is taken back where it does not help (`running_comparison`).
+
 Sources: A. E. Hoerl and R. W. Kennard, "Ridge regression", Technometrics 12 (1970) 55-67; L. Ljung,
 System Identification, Prentice Hall 1999, section 11.2 (exponential forgetting) and 16.4 (model
 selection by the reduction of the squared errors); the factor is that of W. James and C. Stein,
@@ -29,6 +31,8 @@ from typing import Final
 
 import numpy as np
 import numpy.typing as npt
+
+from pam_control.adaptation.running_comparison import RunningComparison
 
 CORRELATED: Final = 0.05  # s, for which the error of a fit stays about the same
 DOUBTED: Final = 1e9  # times the penalty; such a weight is as good as 0
@@ -87,12 +91,15 @@ class RecursiveFit:
         self._noise = noise
         self._penalty: Array = (noise / np.array(deviations, dtype=np.float64)) ** 2
         self._threshold, self._suspect, self._positive = threshold, suspect, positive
+        self._comparison = RunningComparison(threshold)
         self.forget()
 
     def forget(self) -> None:
         """Nothing is known."""
         count = len(self._penalty)
         self.weights: list[float] = [0.0] * count
+        self._fitted: Array = np.zeros(count)
+        self._comparison.forget()
         self._products: Array = np.zeros((count, count))
         self._wanted: Array = np.zeros(count)
         self._seen = self._energy = 0.0
@@ -106,25 +113,32 @@ class RecursiveFit:
 
         The weights are computed anew every `SOLVED_EVERY`, because that takes most of the time.
         """
-        kept, share = math.exp(-duration / MEMORY), duration / CORRELATED
+        comparison = self._comparison
+        comparison.update(float(self._fitted @ functions), value, duration)
+        kept = math.exp(-duration / comparison.memory(MEMORY))
+        share = duration / CORRELATED
         self._products *= kept
         self._products += share * (functions[:, None] * functions)
         self._wanted = kept * self._wanted + (share * value) * functions
         self._energy = kept * self._energy + share * value * value
         self._seen = kept * self._seen + share
         self._unsolved += duration
-        if self._unsolved < SOLVED_EVERY:
-            return
-        self._unsolved = 0.0
+        if self._unsolved >= SOLVED_EVERY:
+            self._unsolved = 0.0
+            self._fit()
+        self.weights = (comparison.share * self._fitted).tolist()
+
+    def _fit(self) -> None:
+        """Compute the weights from all data."""
         left = self._left(self._solution, self._explained(self._solution))
         self._size = max(left / (self._seen * self._noise**2), 1.0)
         weights, explained = self._solved()
         self._solution = weights
         explained /= self._seen
         if explained <= self._threshold**2:
-            self.weights = [0.0] * len(weights)
+            self._fitted = np.zeros(len(weights))
         else:
-            self.weights = ((1.0 - self._threshold**2 / explained) * weights).tolist()
+            self._fitted = (1.0 - self._threshold**2 / explained) * weights
 
     def deviation(self, index: int) -> float:
         """Standard deviation of one weight, in its unit."""

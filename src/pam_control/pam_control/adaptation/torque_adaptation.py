@@ -207,7 +207,7 @@ class TorqueAdaptation:
         # a wrong delay is an error of the position itself: the median of what is believed
         likely, wanted = self._fit.certainty(DELAY), 0.0
         if likely > 0.5:
-            wanted = limited(self._fit.weights[DELAY] / likely, -LONGEST_DELAY, LONGEST_DELAY)
+            wanted = limited(self._fit.fitted[DELAY] / likely, -LONGEST_DELAY, LONGEST_DELAY)
         if abs(wanted) < LEAST_DELAY:
             wanted = 0.0
         reach = DELAY_RATE * step

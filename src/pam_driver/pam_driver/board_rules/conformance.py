@@ -12,7 +12,7 @@ from typing import Final
 from pam_driver.board_rules import air_rules, frame_rules, people_rules, state_rules
 from pam_driver.board_rules.line import BusLine
 from pam_driver.board_rules.page import as_text, summary, write_page
-from pam_driver.board_rules.rule import Rule, RuleResult, Verdict
+from pam_driver.board_rules.rule import Rule, RuleResult, RuleVerdict
 from pam_driver.board_rules.tester import BoardTester, NotTriedError, RuleBrokenError, TestLimits
 from pam_driver.boards.pam_board.codec import BoardCode, BoardCodec
 from pam_driver.can_bus.bus import open_bus
@@ -64,22 +64,22 @@ def play(tester: BoardTester, rule: Rule, may_open: bool) -> RuleResult:
         Whether the board's valves may open.
     """
     if rule.opens_valves and not may_open:
-        return RuleResult(rule, Verdict.NOT_TRIED, _NO_AIR)
+        return RuleResult(rule, RuleVerdict.NOT_TRIED, _NO_AIR)
     for _ in range(2):
         tester.fair_again()
         try:
-            return RuleResult(rule, Verdict.PASS, rule.check(tester))
+            return RuleResult(rule, RuleVerdict.PASS, rule.check(tester))
         except NotTriedError as error:
-            return RuleResult(rule, Verdict.NOT_TRIED, str(error))
+            return RuleResult(rule, RuleVerdict.NOT_TRIED, str(error))
         except RuleBrokenError as error:
-            result = RuleResult(rule, Verdict.FAIL, str(error))
+            result = RuleResult(rule, RuleVerdict.FAIL, str(error))
         if not tester.host_stalled and not tester.unsent:
             return result
     text = f"this computer stalled for {1e3 * tester.stalled:.0f} ms"
     if tester.unsent:
         text = f"the bus did not accept {tester.unsent} frames (queue full, or down)"
     text += f"; {result.came_back}"
-    return RuleResult(rule, Verdict.NOT_TRIED, text)
+    return RuleResult(rule, RuleVerdict.NOT_TRIED, text)
 
 
 def leave(tester: BoardTester) -> None:
@@ -152,7 +152,7 @@ def run(given: Arguments) -> Outcome:
     for result in results:
         print(as_text(result))
     print(f"{summary(results)}; page: {page}")
-    failed = [result for result in results if result.verdict is Verdict.FAIL]
+    failed = [result for result in results if result.verdict is RuleVerdict.FAIL]
     return Outcome(
         {
             "board": given.board,

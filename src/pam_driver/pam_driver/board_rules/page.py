@@ -8,18 +8,22 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-from pam_driver.board_rules.rule import RuleResult, Verdict
+from pam_driver.board_rules.rule import RuleResult, RuleVerdict
 
 HEADINGS: Final = ("verdict", "rule", "what the board must do", "what was sent", "what came back")
-_COLOURS: Final = {Verdict.PASS: "#d9f2d9", Verdict.FAIL: "#f7caca", Verdict.NOT_TRIED: "#eeeeee"}
+_COLOURS: Final = {
+    RuleVerdict.PASS: "#d9f2d9",
+    RuleVerdict.FAIL: "#f7caca",
+    RuleVerdict.NOT_TRIED: "#eeeeee",
+}
 
 
 def summary(results: Sequence[RuleResult]) -> str:
     """The counts in one line."""
     counts = Counter(result.verdict for result in results)
     return (
-        f"{len(results)} rules: {counts[Verdict.PASS]} pass, {counts[Verdict.FAIL]} fail, "
-        f"{counts[Verdict.NOT_TRIED]} not tried"
+        f"{len(results)} rules: {counts[RuleVerdict.PASS]} pass, {counts[RuleVerdict.FAIL]} fail, "
+        f"{counts[RuleVerdict.NOT_TRIED]} not tried"
     )
 
 
@@ -27,7 +31,7 @@ def as_text(result: RuleResult) -> str:
     """One rule for the terminal; a failed one with the requirement and where to look."""
     rule = result.rule
     text = f"{result.verdict.value:9}  {rule.name}: {result.came_back}"
-    if result.verdict is Verdict.FAIL:
+    if result.verdict is RuleVerdict.FAIL:
         indent = "\n" + 11 * " "
         text += f"{indent}must: {rule.requirement}{indent}sent: {rule.sent}"
         text += f"{indent}hint: {rule.hint} (rule {rule.section})"
@@ -54,7 +58,7 @@ def write_page(path: Path, title: str, results: Sequence[RuleResult]) -> None:
 def _cells(result: RuleResult) -> tuple[str, ...]:
     rule = result.rule
     came = result.came_back
-    if result.verdict is Verdict.FAIL:
+    if result.verdict is RuleVerdict.FAIL:
         came += f". Hint: {rule.hint}"
     name = f"{rule.name} (rule {rule.section})"
     return result.verdict.value, name, rule.requirement, rule.sent, came

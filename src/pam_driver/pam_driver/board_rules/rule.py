@@ -10,7 +10,7 @@ from typing import NamedTuple
 from pam_driver.board_rules.tester import BoardTester
 
 
-class Verdict(Enum):
+class RuleVerdict(Enum):
     """How a rule came out."""
 
     PASS = "pass"
@@ -53,7 +53,7 @@ class RuleResult(NamedTuple):
     """The outcome of one rule."""
 
     rule: Rule
-    verdict: Verdict
+    verdict: RuleVerdict
     came_back: str
 
     def as_document(self) -> dict[str, str]:
@@ -66,5 +66,5 @@ class RuleResult(NamedTuple):
             "sent": rule.sent,
             "came_back": self.came_back,
             "verdict": self.verdict.value,
-            "hint": rule.hint if self.verdict is Verdict.FAIL else "",
+            "hint": rule.hint if self.verdict is RuleVerdict.FAIL else "",
         }

@@ -27,7 +27,7 @@ from pam_ros.valve_command import ValveCommandError, ValveCommandFormat, ValveFi
 _FUTURE: Final = 0.01
 
 
-class CommandError(PamError):
+class CommandRefusedError(PamError):
     """A valve command that is refused; `kind` is the name under which it is counted."""
 
     def __init__(self, kind: str, text: str) -> None:
@@ -58,7 +58,7 @@ class NamedCommand(NamedTuple):
     source: str = ""
 
 
-class CommandIntake:
+class ValveCommandIntake:
     """Turns named commands in their units into fractions of full scale, in the rig's order.
 
     Attributes
@@ -116,13 +116,13 @@ class CommandIntake:
 
         Raises
         ------
-        CommandError
+        CommandRefusedError
             If the command is refused; the text says what is wrong. The command is counted and must
             not be used.
         """
         try:
             values = self._checked(command, now)
-        except CommandError as error:
+        except CommandRefusedError as error:
             self._count(error)
             raise
         self._newest = now - command.age
@@ -141,14 +141,14 @@ class CommandIntake:
 
         Raises
         ------
-        CommandError
+        CommandRefusedError
             Always.
         """
-        error = CommandError(kind, reason)
+        error = CommandRefusedError(kind, reason)
         self._count(error)
         raise error
 
-    def _count(self, error: CommandError) -> None:
+    def _count(self, error: CommandRefusedError) -> None:
         self.rejected[error.kind] += 1
         self.last_rejection = str(error)
 
@@ -165,25 +165,27 @@ class CommandIntake:
                 command.names, command.position, command.velocity, command.effort
             )
         except ValveCommandError as error:
-            raise CommandError(error.kind, str(error)) from None
+            raise CommandRefusedError(error.kind, str(error)) from None
         return tuple(self._fraction(index, value) for index, value in enumerate(values))
 
     def _check_age(self, age: float, now: float) -> None:
         if not age >= -_FUTURE:
-            raise CommandError("stamp", f"stamped {-age:.3f} s in the future")
+            raise CommandRefusedError("stamp", f"stamped {-age:.3f} s in the future")
         if age > self.timeout:
-            raise CommandError("old", f"{age:.3f} s old, command_timeout is {self.timeout:g} s")
+            raise CommandRefusedError(
+                "old", f"{age:.3f} s old, command_timeout is {self.timeout:g} s"
+            )
         if now - age < self._newest - _FUTURE:
-            raise CommandError("out_of_order", "older than the previous command")
+            raise CommandRefusedError("out_of_order", "older than the previous command")
 
     def _fraction(self, index: int, value: float) -> float:
         name = self._format.names[index]
         if not math.isfinite(value):
-            raise CommandError("not_finite", f"{name}: {value} is not a finite number")
+            raise CommandRefusedError("not_finite", f"{name}: {value} is not a finite number")
         lowest, highest, scale, unit = self._scale[index]
         if not within(value, lowest, highest):
             told, low, high = beyond(value, lowest, highest)
-            raise CommandError(
+            raise CommandRefusedError(
                 "out_of_range", f"{name}: {told} {unit}, expected {low} to {high} {unit}"
             )
         return min(max(value, lowest), highest) / scale

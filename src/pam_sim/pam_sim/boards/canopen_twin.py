@@ -16,10 +16,10 @@ from pam_driver.boards.canopen.device import (
     OPERATIONAL,
     READY,
     STOPPED,
+    CanopenDevice,
+    CanopenInput,
+    CanopenOutput,
     Check,
-    Device,
-    Input,
-    Output,
 )
 from pam_driver.boards.canopen.dictionary import Dictionary, ObjectName
 from pam_driver.boards.canopen.reader import read_device
@@ -43,7 +43,7 @@ class SimulatedCanopenDevice:
     ----------
     wired : WiredBoard
         Its muscles and joints.
-    device : Device
+    device : CanopenDevice
         What the driver expects of it; gives the meaning of raw values, the identity and the units.
     dictionary : Dictionary
         Its objects.
@@ -56,7 +56,7 @@ class SimulatedCanopenDevice:
     def __init__(
         self,
         wired: WiredBoard,
-        device: Device,
+        device: CanopenDevice,
         dictionary: Dictionary,
         settings: BoardSettings,
         now: float,
@@ -183,7 +183,7 @@ class SimulatedCanopenDevice:
             if failed and known and slave.number(0x6443, sub):
                 self._raw[place] = slave.number(0x6444, sub)
 
-    def _command(self, output: Output, valve: BoardValve) -> float:
+    def _command(self, output: CanopenOutput, valve: BoardValve) -> float:
         raw = self._raw[output.place]
         if abs(raw - output.raw(output.vented)) <= 0.5 and not output.field.kind.is_float:
             return valve.vented
@@ -202,7 +202,7 @@ class CanopenTwins:
         return SimulatedCanopenDevice(wired, device, dictionary, settings, now)
 
 
-def _raw_of(entry: Input, value: float) -> float | None:
+def _raw_of(entry: CanopenInput, value: float) -> float | None:
     """A reading as a raw value; None if a defective sensor cannot be represented."""
     is_float = entry.field.kind.is_float
     if math.isnan(value):

@@ -19,8 +19,8 @@ from pam_driver.boards.dbc_file import read_dbc
 from pam_driver.boards.mapped.device import (
     AnswerFrame,
     CommandFrame,
-    Device,
-    Input,
+    MappedDevice,
+    MappedInput,
     Selected,
 )
 from pam_driver.boards.mapped.kind import read_device
@@ -51,7 +51,7 @@ class SimulatedMappedBoard:
     ----------
     wired : WiredBoard
         Its muscles and joints.
-    device : Device
+    device : MappedDevice
         The tables that the driver uses as well.
     messages : mapping of str to Message
         The messages of the DBC file.
@@ -64,7 +64,7 @@ class SimulatedMappedBoard:
     def __init__(
         self,
         wired: WiredBoard,
-        device: Device,
+        device: MappedDevice,
         messages: Mapping[str, Message],
         settings: BoardSettings,
         now: float,
@@ -371,7 +371,7 @@ class MappedTwins:
         return SimulatedMappedBoard(wired, read_device(wired), messages, settings, now)
 
 
-def _counts(entry: Input, value: float) -> float | None:
+def _counts(entry: MappedInput, value: float) -> float | None:
     """A reading in counts; None if a defective sensor cannot be represented."""
     layout = entry.signal.layout
     if math.isnan(value):
@@ -382,7 +382,7 @@ def _counts(entry: Input, value: float) -> float | None:
     return counts if layout.float_format else round(counts)
 
 
-def _state_raws(device: Device, state: Selected) -> tuple[int, int]:
+def _state_raws(device: MappedDevice, state: Selected) -> tuple[int, int]:
     """Raw values of the state: at rest, and with a fault."""
     known = [*state.layout.labels, *range(state.layout.mask + 1)]
     rest = next(raw for raw in known if raw not in device.active | device.fault)

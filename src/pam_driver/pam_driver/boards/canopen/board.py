@@ -17,7 +17,7 @@ from pam_driver.boards.canopen.device import (
     STOP,
     STOPPED,
     SYNC,
-    Device,
+    CanopenDevice,
     Rpdo,
 )
 from pam_driver.boards.canopen.emergency import emergency_text
@@ -69,7 +69,7 @@ class CanopenBoard:
     ----------
     wired : WiredBoard
         Its muscles and joints.
-    device : Device
+    device : CanopenDevice
         The tables made from the rig file and the EDS file.
     host : Host
         Sends the heartbeat of the driver on this bus.
@@ -77,7 +77,7 @@ class CanopenBoard:
 
     without = WITHOUT
 
-    def __init__(self, wired: WiredBoard, device: Device, host: Host) -> None:
+    def __init__(self, wired: WiredBoard, device: CanopenDevice, host: Host) -> None:
         self.name = wired.name
         self.promises = device.promises
         self.boot = Boot(device)

@@ -16,8 +16,8 @@ from pam_driver.boards.canopen.device import (
     START,
     STATES,
     STOP,
+    CanopenDevice,
     Check,
-    Device,
 )
 from pam_driver.boards.canopen.sdo import SdoClient
 from pam_driver.boards.protocol import NEVER, Frame
@@ -44,7 +44,7 @@ class Boot:
 
     Parameters
     ----------
-    device : Device
+    device : CanopenDevice
         Its tables.
 
     Attributes
@@ -57,7 +57,7 @@ class Boot:
         Steps that the device refused although it may.
     """
 
-    def __init__(self, device: Device) -> None:
+    def __init__(self, device: CanopenDevice) -> None:
         self.stage = Stage.IDLE
         self.error = ""
         self.notes: list[str] = []

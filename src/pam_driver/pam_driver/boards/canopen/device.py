@@ -29,7 +29,7 @@ STATES: Final[Mapping[int, str]] = {
 }
 
 
-class Field(NamedTuple):
+class CanopenField(NamedTuple):
     """Where an object is in a PDO: `shift` bits from the first, and how it is encoded."""
 
     name: ObjectName
@@ -58,7 +58,7 @@ class Field(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Input:
+class CanopenInput:
     """A measurement: SI = gain * raw + bias.
 
     Attributes
@@ -67,7 +67,7 @@ class Input:
         PRESSURE_INPUT [Pa gauge], ANGLE_INPUT [rad] or SUPPLY_INPUT [Pa absolute].
     channel : int, str
         As muscles and joints name it; "" for the supply pressure.
-    field : Field
+    field : CanopenField
         Where it is in its PDO.
     gain, bias : float
         Conversion from raw values to SI.
@@ -81,7 +81,7 @@ class Input:
 
     what: str
     channel: Channel
-    field: Field
+    field: CanopenField
     gain: float
     bias: float
     low: float
@@ -90,11 +90,11 @@ class Input:
     wraps: bool = False
 
 
-class Output(NamedTuple):
+class CanopenOutput(NamedTuple):
     """A set point: raw = gain * fraction + bias, with the fraction of full scale."""
 
     place: int
-    field: Field
+    field: CanopenField
     gain: float
     bias: float
     low: float
@@ -113,7 +113,7 @@ class Rpdo:
     number: int
     frame_id: int
     length: int
-    outputs: tuple[Output, ...]
+    outputs: tuple[CanopenOutput, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,7 +123,7 @@ class Tpdo:
     number: int
     frame_id: int
     length: int
-    inputs: tuple[Input, ...]
+    inputs: tuple[CanopenInput, ...]
 
 
 class Write(NamedTuple):
@@ -151,7 +151,7 @@ Step = Write | Check
 
 
 @dataclass(frozen=True, slots=True)
-class Device:
+class CanopenDevice:
     """Everything that the driver knows of a device.
 
     Attributes

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from pam_driver.boards.canopen.device import OPERATIONAL, SYNC, Device
+from pam_driver.boards.canopen.device import OPERATIONAL, SYNC, CanopenDevice
 from pam_driver.boards.protocol import NEVER, Frame
 
 # A heartbeat is sent half a cycle early rather than nearly a cycle late [s].
@@ -35,7 +35,7 @@ class Host:
         self._due = NEVER
         self._synced_at = NEVER
 
-    def serve(self, device: Device) -> None:
+    def serve(self, device: CanopenDevice) -> None:
         """Take the needs of a further device into account."""
         self.sync = self.sync or device.sync
         if device.host_period is not None:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from pam_driver.boards.canopen.board import CanopenBoard
-from pam_driver.boards.canopen.device import Device
+from pam_driver.boards.canopen.device import CanopenDevice
 from pam_driver.boards.canopen.host import Host
-from pam_driver.boards.canopen.reader import DeviceReader, read_device
+from pam_driver.boards.canopen.reader import CanopenDeviceReader, read_device
 from pam_driver.boards.frame_errors import FrameError
 from pam_driver.boards.protocol import Address, Board, KindOptions, WiredBoard
 
@@ -29,14 +29,14 @@ class CanopenKind:
     def __init__(self, options: KindOptions) -> None:
         self.doubts: list[str] = []
         self._hosts: dict[str, Host] = {}
-        self._devices: dict[Address, Device] = {}
+        self._devices: dict[Address, CanopenDevice] = {}
 
     def problems(self, wired: Sequence[WiredBoard]) -> list[str]:
         """What is wrong with the sections of the devices, alone and on their bus together."""
         lines = []
         on_bus: dict[tuple[str, int], WiredBoard] = {}
         for board in wired:
-            reader = DeviceReader(board)
+            reader = CanopenDeviceReader(board)
             lines += reader.problems
             self.doubts += reader.doubts
             device = reader.device

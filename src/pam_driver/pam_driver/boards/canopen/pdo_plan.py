@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping
 from typing import Final, NamedTuple
 
-from pam_driver.boards.canopen.device import Check, Field, Step, Write
+from pam_driver.boards.canopen.device import CanopenField, Check, Step, Write
 from pam_driver.boards.canopen.dictionary import Dictionary, ObjectName, ObjectType
 from pam_model.rig.keys import Section
 
@@ -22,7 +22,7 @@ _LARGEST: Final = 64
 _LAST_GAP: Final = 0x1F  # the objects below are data types, which fill a PDO and mean nothing
 
 
-class Direction(NamedTuple):
+class PdoDirection(NamedTuple):
     """The objects of the PDOs of one direction."""
 
     word: str
@@ -31,34 +31,34 @@ class Direction(NamedTuple):
     identifiers: int
 
 
-RPDO: Final = Direction("RPDO", 0x1400, 0x1600, 0x200)
-TPDO: Final = Direction("TPDO", 0x1800, 0x1A00, 0x180)
+RPDO: Final = PdoDirection("RPDO", 0x1400, 0x1600, 0x200)
+TPDO: Final = PdoDirection("TPDO", 0x1800, 0x1A00, 0x180)
 
 
-class Plan(NamedTuple):
+class PdoPlan(NamedTuple):
     """One PDO: its number, its identifier, its bytes, and the objects in it."""
 
     number: int
     frame_id: int
     length: int
-    fields: tuple[Field, ...]
+    fields: tuple[CanopenField, ...]
 
 
 def written(
     wanted: Mapping[ObjectName, ObjectType],
-    direction: Direction,
+    direction: PdoDirection,
     dictionary: Dictionary,
     node: int,
     where: Section,
-) -> list[Plan]:
+) -> list[PdoPlan]:
     """The PDOs that carry objects in the given order, filled one after the other."""
-    rows: list[list[Field]] = []
+    rows: list[list[CanopenField]] = []
     for name, kind in wanted.items():
         used = sum(field.kind.bits for field in rows[-1]) if rows else _LARGEST
         if used + kind.bits > _LARGEST:
             rows.append([])
             used = 0
-        rows[-1].append(Field(name, used, kind))
+        rows[-1].append(CanopenField(name, used, kind))
     # only the first four have identifiers of the predefined connection set
     numbers = [number for number in dictionary.numbers(direction.parameters) if number <= 4]
     if len(rows) > len(numbers):
@@ -69,7 +69,7 @@ def written(
         )
         return []
     return [
-        Plan(
+        PdoPlan(
             number,
             direction.identifiers + 0x100 * (number - 1) + node,
             sum(field.kind.bits for field in row) // 8,
@@ -81,10 +81,10 @@ def written(
 
 def mapped_in_file(
     wanted: Mapping[ObjectName, ObjectType],
-    direction: Direction,
+    direction: PdoDirection,
     dictionary: Dictionary,
     where: Section,
-) -> list[Plan]:
+) -> list[PdoPlan]:
     """The PDOs of the EDS file that carry the objects."""
     missing = dict(wanted)
     plans = []
@@ -101,7 +101,7 @@ def mapped_in_file(
         for name, bits in entries:
             if name in missing:
                 kind = missing.pop(name)
-                fields.append(Field(name, shift, kind))
+                fields.append(CanopenField(name, shift, kind))
                 if kind.bits != bits:
                     where.add(
                         "pdo_mapping",
@@ -122,7 +122,7 @@ def mapped_in_file(
                 f"expected at most {_LARGEST}",
             )
             continue
-        plans.append(Plan(number, identifier & 0x7FF, (shift + 7) // 8, tuple(fields)))
+        plans.append(PdoPlan(number, identifier & 0x7FF, (shift + 7) // 8, tuple(fields)))
     for name in missing:
         where.add(
             "pdo_mapping",
@@ -138,7 +138,7 @@ def mapped_in_file(
 
 
 def mapped(
-    dictionary: Dictionary, direction: Direction, number: int
+    dictionary: Dictionary, direction: PdoDirection, number: int
 ) -> list[tuple[ObjectName, int]]:
     """The objects of a PDO in their order by the EDS file, with their bits.
 
@@ -151,7 +151,7 @@ def mapped(
     return found
 
 
-def default_carrier(dictionary: Dictionary, name: ObjectName, direction: Direction) -> str:
+def default_carrier(dictionary: Dictionary, name: ObjectName, direction: PdoDirection) -> str:
     """The PDO that carries an object after power-up by the EDS file; empty if none does."""
     for number in dictionary.numbers(direction.parameters):
         if any(name == entry for entry, _ in mapped(dictionary, direction, number)):
@@ -159,7 +159,7 @@ def default_carrier(dictionary: Dictionary, name: ObjectName, direction: Directi
     return ""
 
 
-def _mapping(dictionary: Dictionary, direction: Direction, number: int) -> list[ObjectName]:
+def _mapping(dictionary: Dictionary, direction: PdoDirection, number: int) -> list[ObjectName]:
     """The number of mapped objects of a PDO, and its entries, as objects."""
     index = direction.mappings + number - 1
     count = dictionary.default(ObjectName(index, 0), used=False) or 0
@@ -167,8 +167,8 @@ def _mapping(dictionary: Dictionary, direction: Direction, number: int) -> list[
 
 
 def steps_of(
-    plan: Plan,
-    direction: Direction,
+    plan: PdoPlan,
+    direction: PdoDirection,
     dictionary: Dictionary,
     *,
     write: bool,
@@ -179,9 +179,9 @@ def steps_of(
 
     Parameters
     ----------
-    plan : Plan
+    plan : PdoPlan
         The PDO.
-    direction : Direction
+    direction : PdoDirection
         Whether the device receives or transmits it.
     dictionary : Dictionary
         The device.
@@ -229,7 +229,7 @@ def steps_of(
 
 
 def unused_off(
-    used: Collection[int], direction: Direction, dictionary: Dictionary
+    used: Collection[int], direction: PdoDirection, dictionary: Dictionary
 ) -> Iterator[Step]:
     """The steps that turn off the PDOs that a device has after power-up and that are not used.
 

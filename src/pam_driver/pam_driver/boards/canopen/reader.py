@@ -8,7 +8,15 @@ from pathlib import Path
 from typing import Final
 
 from pam_driver.boards.canopen import configuration
-from pam_driver.boards.canopen.device import Check, Device, Input, Output, Rpdo, Step, Tpdo
+from pam_driver.boards.canopen.device import (
+    CanopenDevice,
+    CanopenInput,
+    CanopenOutput,
+    Check,
+    Rpdo,
+    Step,
+    Tpdo,
+)
 from pam_driver.boards.canopen.dictionary import (
     PROFILES,
     Dictionary,
@@ -19,8 +27,8 @@ from pam_driver.boards.canopen.dictionary import (
 from pam_driver.boards.canopen.pdo_plan import (
     RPDO,
     TPDO,
-    Direction,
-    Plan,
+    PdoDirection,
+    PdoPlan,
     mapped_in_file,
     steps_of,
     unused_off,
@@ -44,7 +52,7 @@ _CONSUMER: Final = ObjectName(0x1016, 1)
 _BEHAVIOUR: Final = ObjectName(0x1029, 1)
 
 
-class DeviceReader:
+class CanopenDeviceReader:
     """Reads one device; `problems` has one line for everything that is wrong.
 
     Parameters
@@ -58,7 +66,7 @@ class DeviceReader:
         What is wrong; empty if `device` can be used.
     doubts : list of str
         What is wrong with the EDS file where the device does not depend on it.
-    device : Device or None
+    device : CanopenDevice or None
         The device, if nothing is wrong.
     dictionary : Dictionary or None
         Its objects, if the EDS file can be read.
@@ -68,7 +76,7 @@ class DeviceReader:
         collected = Problems("")
         self.problems = collected.lines
         self.doubts = collected.doubts
-        self.device: Device | None = None
+        self.device: CanopenDevice | None = None
         self.dictionary: Dictionary | None = None
         self._wired = wired
         self._top = Section(wired.settings, f"boards.{wired.address}", collected)
@@ -149,7 +157,7 @@ class DeviceReader:
             self._top.add(name, f" = {value!r}: must be {allowed[0]} or {allowed[1]}")
         return value if value in allowed else allowed[0]
 
-    def _read(self, dictionary: Dictionary, node: int) -> Device:
+    def _read(self, dictionary: Dictionary, node: int) -> CanopenDevice:
         top = self._top
         host_node = self._node("host_node", _HOST_NODE) or _HOST_NODE
         if host_node == node:
@@ -199,7 +207,7 @@ class DeviceReader:
             top.add(key, text)
         off = top.flag("outputs_off_on_error")
         promised = watchdog if values or off else None
-        return Device(
+        return CanopenDevice(
             node,
             host_node,
             tuple(_rpdo(plan, signals) for plan in plans[RPDO]),
@@ -269,12 +277,12 @@ class DeviceReader:
 
     def _plans(
         self,
-        direction: Direction,
+        direction: PdoDirection,
         signals: SignalReader,
         dictionary: Dictionary,
         node: int,
         write: bool,
-    ) -> list[Plan]:
+    ) -> list[PdoPlan]:
         used = signals.demands if direction is RPDO else signals.readings
         wanted = {one.name: signals.types[one.name] for one in used}
         if not wanted:
@@ -284,26 +292,26 @@ class DeviceReader:
         return mapped_in_file(wanted, direction, dictionary, self._top)
 
 
-def _rpdo(plan: Plan, signals: SignalReader) -> Rpdo:
+def _rpdo(plan: PdoPlan, signals: SignalReader) -> Rpdo:
     by_name = {demand.name: demand for demand in signals.demands}
     outputs = []
     for field in plan.fields:
         demand = by_name[field.name]
         gain, bias = demand.linear
         outputs.append(
-            Output(demand.place, field, gain, bias, demand.low, demand.high, demand.vented)
+            CanopenOutput(demand.place, field, gain, bias, demand.low, demand.high, demand.vented)
         )
     return Rpdo(plan.number, plan.frame_id, plan.length, tuple(outputs))
 
 
-def _tpdo(plan: Plan, signals: SignalReader) -> Tpdo:
+def _tpdo(plan: PdoPlan, signals: SignalReader) -> Tpdo:
     by_name = {reading.name: reading for reading in signals.readings}
     inputs = []
     for field in plan.fields:
         one = by_name[field.name]
         gain, bias = one.linear
         inputs.append(
-            Input(
+            CanopenInput(
                 one.what, one.channel, field, gain, bias, one.low, one.high, one.invalid, one.wraps
             )
         )
@@ -327,7 +335,7 @@ def _promises(watchdog: float | None, guards: float | None, signals: SignalReade
     )
 
 
-def read_device(wired: WiredBoard) -> tuple[Device, Dictionary]:
+def read_device(wired: WiredBoard) -> tuple[CanopenDevice, Dictionary]:
     """The tables of a device, and its objects.
 
     Raises
@@ -335,7 +343,7 @@ def read_device(wired: WiredBoard) -> tuple[Device, Dictionary]:
     RigError
         If its section cannot be used, with one line for each problem.
     """
-    reader = DeviceReader(wired)
+    reader = CanopenDeviceReader(wired)
     if reader.device is None or reader.dictionary is None:
         raise RigError("\n".join(reader.problems))
     return reader.device, reader.dictionary

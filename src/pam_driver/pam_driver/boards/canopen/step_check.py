@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 
 from pam_driver.boards.canopen.device import Check, Step
 from pam_driver.boards.canopen.dictionary import Dictionary, ObjectName
-from pam_driver.boards.canopen.pdo_plan import TPDO, Direction, Plan
+from pam_driver.boards.canopen.pdo_plan import TPDO, PdoDirection, PdoPlan
 
 HEARTBEAT: Final = ObjectName(0x1017)
 _PDOS: Final = range(0x1400, 0x1C00)
@@ -83,15 +83,15 @@ def _remedy(step: Step, file_key: str) -> tuple[str, str]:
 
 
 def refused_timing(
-    plan: Plan, direction: Direction, dictionary: Dictionary, *, sync: bool, period: int
+    plan: PdoPlan, direction: PdoDirection, dictionary: Dictionary, *, sync: bool, period: int
 ) -> Iterator[Refusal]:
     """What a PDO cannot do because its transmission type or event timer is fixed.
 
     Parameters
     ----------
-    plan : Plan
+    plan : PdoPlan
         The PDO.
-    direction : Direction
+    direction : PdoDirection
         Whether the device receives or transmits it.
     dictionary : Dictionary
         What the EDS file says.

@@ -14,8 +14,8 @@ from pam_driver.boards.frame_errors import (
 from pam_driver.boards.mapped.device import (
     AnswerFrame,
     CommandFrame,
-    Device,
     FrameChecksum,
+    MappedDevice,
     RequestFrame,
 )
 from pam_driver.boards.mapped.sample_counter import SampleCounter
@@ -45,11 +45,11 @@ class MappedBoard:
     ----------
     wired : WiredBoard
         Its muscles and joints.
-    device : Device
+    device : MappedDevice
         The tables made from the rig file and the DBC file.
     """
 
-    def __init__(self, wired: WiredBoard, device: Device) -> None:
+    def __init__(self, wired: WiredBoard, device: MappedDevice) -> None:
         self.name = wired.name
         self.promises = device.promises
         requests = [*device.vent, *device.clear_faults]

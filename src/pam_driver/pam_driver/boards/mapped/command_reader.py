@@ -10,7 +10,7 @@ from cantools.database.can import Message, Signal
 
 from pam_driver.boards.conversion import fits, read_conversion
 from pam_driver.boards.mapped.dbc_lookup import DbcLookup, raw_value
-from pam_driver.boards.mapped.device import CommandFrame, FrameChecksum, Output, RequestFrame
+from pam_driver.boards.mapped.device import CommandFrame, FrameChecksum, MappedOutput, RequestFrame
 from pam_driver.boards.mapped.frame_checks import read_checksum, read_counter
 from pam_driver.boards.mapped.signal_layout import SignalLayout, frame_length
 from pam_driver.boards.protocol import MuscleWire, WiredBoard
@@ -67,7 +67,7 @@ class CommandReader:
         self._wired = wired
         self._lookup = lookup
         self._top = top
-        self._outputs: dict[_Frame, list[Output]] = {}
+        self._outputs: dict[_Frame, list[MappedOutput]] = {}
         self._enables: dict[_Frame, list[tuple[SignalLayout, int, int]]] = {}
         self._requests: dict[str, list[tuple[_Frame, dict[str, int]]]] = {}
 
@@ -136,7 +136,7 @@ class CommandReader:
 
     def _output(
         self, where: Section, wire: MuscleWire, message: Message, signal: Signal
-    ) -> Output | None:
+    ) -> MappedOutput | None:
         valve = wire.muscle.valve
         regulator = valve.kind == "pressure_regulator"
         quantities = (PRESSURE, SHARE) if regulator else (SHARE,)
@@ -167,7 +167,7 @@ class CommandReader:
         if not Linear(gain, bias).is_usable:
             self._lookup.refuse_numbers(where, message, signal, gain, bias)
             return None
-        return Output(wire.place, layout, gain, bias, vented)
+        return MappedOutput(wire.place, layout, gain, bias, vented)
 
     def _read_enables(self) -> None:
         section = self._top.section("enables")

@@ -45,7 +45,7 @@ class Selected(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Input:
+class MappedInput:
     """A measurement: SI = gain * counts + bias.
 
     Attributes
@@ -73,7 +73,7 @@ class Input:
     wraps: bool = False
 
 
-class Output(NamedTuple):
+class MappedOutput(NamedTuple):
     """A set point: counts = gain * fraction + bias, with the fraction of full scale."""
 
     place: int
@@ -90,7 +90,7 @@ class AnswerFrame:
     name: str
     frame_id: int
     length: int
-    inputs: tuple[Input, ...] = ()
+    inputs: tuple[MappedInput, ...] = ()
     counter: SignalLayout | None = None
     checksum: FrameChecksum | None = None
     period: float | None = None
@@ -110,7 +110,7 @@ class CommandFrame:
         The constant bits, in the payload read as a little-endian and as a big-endian number.
     enabled, disabled : tuple of int
         The bits of the enable signals, added to `base`.
-    outputs : tuple of Output
+    outputs : tuple of MappedOutput
         The set points in it.
     period : float
         Time between two frames [s]; 0 for every cycle of the driver.
@@ -122,7 +122,7 @@ class CommandFrame:
     base: tuple[int, int]
     enabled: tuple[int, int]
     disabled: tuple[int, int]
-    outputs: tuple[Output, ...]
+    outputs: tuple[MappedOutput, ...]
     counter: SignalLayout | None
     checksum: FrameChecksum | None
     period: float
@@ -136,7 +136,7 @@ class RequestFrame(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Device:
+class MappedDevice:
     """Everything that the driver knows of a device.
 
     Attributes

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
-from pam_driver.boards.mapped.device import Input
+from pam_driver.boards.mapped.device import MappedInput
 from pam_driver.boards.samples import PRESSURE_INPUT
 from pam_model.rig.keys import Section
 from pam_ros.foreign_text import shown
@@ -26,14 +26,16 @@ class Needed(NamedTuple):
     unit: str
 
 
-def doubt_range(where: Section, entry: Input, signal: str, place: str, needed: Needed) -> None:
+def doubt_range(
+    where: Section, entry: MappedInput, signal: str, place: str, needed: Needed
+) -> None:
     """Doubt a range that ends closer to the lowest pressure than a good sensor is exact.
 
     Parameters
     ----------
     where : Section
         The keys of the signal.
-    entry : Input
+    entry : MappedInput
         How it is read.
     signal, place : str
         Its name, and the file and line that describe it.
@@ -54,14 +56,14 @@ def doubt_range(where: Section, entry: Input, signal: str, place: str, needed: N
         )
 
 
-def doubt_labels(where: Section, entry: Input, needed: Needed) -> None:
+def doubt_labels(where: Section, entry: MappedInput, needed: Needed) -> None:
     """Doubt a label at a value that is reached: it would count as a defective sensor.
 
     Parameters
     ----------
     where : Section
         The keys of the signal.
-    entry : Input
+    entry : MappedInput
         How it is read.
     needed : Needed
         What it must be able to show.

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 from pam_driver.boards.frame_errors import FrameError
 from pam_driver.boards.mapped.board import MappedBoard
-from pam_driver.boards.mapped.device import Device
-from pam_driver.boards.mapped.reader import DeviceReader
+from pam_driver.boards.mapped.device import MappedDevice
+from pam_driver.boards.mapped.reader import MappedDeviceReader
 from pam_driver.boards.protocol import Board, KindOptions, WiredBoard
 from pam_model.errors import RigError
 
@@ -31,7 +31,7 @@ class MappedKind:
 
     def problems(self, wired: Sequence[WiredBoard]) -> list[str]:
         """What is wrong with the sections of the devices."""
-        readers = [DeviceReader(board) for board in wired]
+        readers = [MappedDeviceReader(board) for board in wired]
         self.doubts += [doubt for reader in readers for doubt in reader.doubts]
         return [line for reader in readers for line in reader.problems]
 
@@ -44,7 +44,7 @@ class MappedKind:
         return None
 
 
-def read_device(wired: WiredBoard) -> Device:
+def read_device(wired: WiredBoard) -> MappedDevice:
     """The tables of a device.
 
     Raises
@@ -52,7 +52,7 @@ def read_device(wired: WiredBoard) -> Device:
     RigError
         If its section cannot be used, with one line for each problem.
     """
-    reader = DeviceReader(wired)
+    reader = MappedDeviceReader(wired)
     if reader.device is None:
         raise RigError("\n".join(reader.problems))
     return reader.device

@@ -15,9 +15,9 @@ from pam_driver.boards.mapped.command_reader import CommandReader, Commands
 from pam_driver.boards.mapped.dbc_lookup import DbcLookup, raw_limits, raw_value
 from pam_driver.boards.mapped.device import (
     AnswerFrame,
-    Device,
     FrameChecksum,
-    Input,
+    MappedDevice,
+    MappedInput,
     Selected,
 )
 from pam_driver.boards.mapped.doubts import Needed, doubt_labels, doubt_range
@@ -41,7 +41,7 @@ class _Answer:
     frame: AnswerFrame
 
 
-class DeviceReader:
+class MappedDeviceReader:
     """Reads one device; `problems` has one line for everything that is wrong.
 
     Parameters
@@ -55,14 +55,14 @@ class DeviceReader:
         What is wrong; empty if `device` can be used.
     doubts : list of str
         What is odd although the device can be used, as a flaw elsewhere in the DBC file.
-    device : Device or None
+    device : MappedDevice or None
         The device, if nothing is wrong.
     """
 
     def __init__(self, wired: WiredBoard) -> None:
         collected = Problems("")
         self.problems, self.doubts = collected.lines, collected.doubts
-        self.device: Device | None = None
+        self.device: MappedDevice | None = None
         self._wired = wired
         self._top = Section(wired.settings, f"boards.{wired.address}", collected)
         self._answers: dict[str, _Answer] = {}
@@ -91,7 +91,7 @@ class DeviceReader:
             self._top.add("dbc", f" = {error}")
             return None
 
-    def _read(self) -> Device:
+    def _read(self) -> MappedDevice:
         top = self._top
         commands = CommandReader(self._wired, self._lookup, top)
         commands.read()
@@ -115,7 +115,7 @@ class DeviceReader:
         answers = tuple(answer.frame for answer in self._answers.values())
         if not answers and not made.cyclic and not self.problems:
             top.problems.add(top.path, ": maps neither a set point nor a measurement")
-        return Device(
+        return MappedDevice(
             answers,
             made.cyclic,
             made.vent,
@@ -217,7 +217,7 @@ class DeviceReader:
         if not Linear(gain, bias).is_usable:
             self._lookup.refuse_numbers(where, message, signal, gain, bias)
             return
-        entry = Input(
+        entry = MappedInput(
             what,
             channel,
             selected,
@@ -250,7 +250,7 @@ class DeviceReader:
         return None
 
     def _check_range(
-        self, where: Section, what: str, channel: Channel, entry: Input, message: Message
+        self, where: Section, what: str, channel: Channel, entry: MappedInput, message: Message
     ) -> None:
         """Refuse a signal that cannot show the pressures or angles that the rig file allows."""
         layout = entry.signal.layout

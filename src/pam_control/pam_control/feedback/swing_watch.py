@@ -1,0 +1,202 @@
+"""Watches the error of a joint, at rest and in motion, for swings too small for `loop_watch`.
+
+A loop with more delay than its gains bear, with a tube before a muscle, or with dry friction and an
+integral, may swing about its reference with an amplitude of some milliradians, whose speed is far
+below that of any motion. A few swings tell it: from one turning point to the next the error changes
+by about the same way in about the same time, again and again. Settling after a motion fades, a blow
+fades, and pushes by hand are not that regular.
+
+In motion a reference causes errors, too: with friction they swing twice or three times for each
+change of the direction of its acceleration. So swings count while no reference changes that, begins
+or ends.
+
+A joint that sticks stands for a large part of the time and jumps in the rest, whether it should
+move or not. One that a delay or a tube keeps swinging moves like a sine about its reference, whose
+speed is below a fifth of the largest one in 13 % of the time.
+
+Source: K. J. Astrom and T. Hagglund, Advanced PID Control, ISA 2006, section 10.5 (detection of
+oscillating loops by the areas between zero crossings, and stiction by their shape; here by turning
+points, because the mean of the error is unknown); T. Hagglund, "A control-loop performance
+monitor", Control Engineering Practice 3 (1995) 1543-1551.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from itertools import pairwise
+from typing import Final, NamedTuple
+
+import numpy as np
+
+SWINGS: Final = 4  # this many equal ones in a row are an oscillation
+LEAST: Final = 3e-3  # rad, from one turning point to the next; smaller ones are harmless
+TURN: Final = 1e-3  # rad back from the farthest place make a turning point
+SHORTEST, LONGEST = 0.025, 1.7  # s, duration of a swing: 20 to 0.3 Hz
+FADING: Final = 0.7  # the last swing below this share of the first one: the motion fades
+UNEVEN: Final = 1.6  # ratio of durations above which two swings are not of one oscillation
+UNEQUAL: Final = 1.25  # the same of swings to one side in motion, where both ways may differ
+SETTLES: Final = 0.3  # s, of a joint that was taken over
+PARTS: Final = 8  # of a swing
+STANDS: Final = 0.2  # of the longest way in a part; with a shorter one the joint stands
+STUCK: Final = 0.4  # share of the parts in which it stands, by which a joint sticks
+KEPT: Final = 4.0 * LONGEST  # s
+
+
+class Reversals:
+    """Counts the changes of one reference: of the direction of its acceleration, or its end."""
+
+    def __init__(self) -> None:
+        self._sign = 0.0
+        self._moves = False
+
+    def update(self, velocity: float, acceleration: float) -> int:
+        """How many changes there are in this cycle."""
+        moves = velocity != 0.0 or acceleration != 0.0
+        changes = int(moves != self._moves)
+        self._moves = moves
+        if acceleration * self._sign < 0.0:
+            changes += 1
+        if acceleration != 0.0:
+            self._sign = math.copysign(1.0, acceleration)
+        return changes
+
+
+class Swing(NamedTuple):
+    """From one turning point of the error to the next.
+
+    Attributes
+    ----------
+    size, duration : float
+        [rad], [s].
+    changes : int
+        Of the references meanwhile.
+    rests : bool
+        Whether all references rested.
+    """
+
+    size: float
+    duration: float
+    changes: int
+    rests: bool
+
+
+class Swings(NamedTuple):
+    """An oscillation that was seen.
+
+    Attributes
+    ----------
+    size : float
+        From one turning point to the next [rad].
+    frequency : float
+        [Hz].
+    rests : bool
+        Whether the references rested.
+    sticks : bool
+        Whether the joint moves as one that sticks.
+    """
+
+    size: float
+    frequency: float
+    rests: bool
+    sticks: bool
+
+
+class SwingWatch:
+    """The turning points of the error of one joint."""
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget what was seen."""
+        self._since = math.inf
+        self._direction = 0.0
+        self._farthest = self._last = math.nan  # errors: present extreme, and last turning point
+        self._reached = self._turned = 0.0  # when they were reached
+        self._changes, self._rests = 0, True
+        self._swings: deque[Swing] = deque(maxlen=SWINGS)
+        self._places: deque[tuple[float, float]] = deque()
+
+    def update(
+        self, time: float, error: float, position: float, changes: int, rests: bool
+    ) -> Swings | None:
+        """Take a cycle.
+
+        Parameters
+        ----------
+        time : float
+            [s].
+        error : float
+            Reference minus measured position [rad].
+        position : float
+            Measured [rad].
+        changes : int
+            Of all references in this cycle.
+        rests : bool
+            Whether all references rest.
+
+        Returns
+        -------
+        Swings or None
+            What is seen since the last turning point.
+        """
+        self._since = min(self._since, time)
+        if time - self._since < SETTLES:
+            return None
+        self._places.append((time, position))
+        if self._places[0][0] < time - KEPT:
+            self._places.popleft()
+        self._changes += changes
+        self._rests = self._rests and rests
+        if math.isnan(self._farthest):
+            self._farthest, self._reached = error, time
+        ahead = error - self._farthest
+        if self._direction == 0.0:
+            if abs(ahead) > TURN:
+                self._direction = math.copysign(1.0, ahead)
+                self._last, self._turned = self._farthest, self._reached
+                self._farthest, self._reached = error, time
+            return None
+        if ahead * self._direction > 0.0:
+            self._farthest, self._reached = error, time
+        if ahead * self._direction >= -TURN:
+            return None
+        size, duration = abs(self._farthest - self._last), self._reached - self._turned
+        self._swings.append(Swing(size, duration, self._changes, self._rests))
+        self._last, self._turned = self._farthest, self._reached
+        self._direction = -self._direction
+        self._farthest, self._reached = error, time
+        self._changes, self._rests = 0, rests
+        return self._seen()
+
+    def _seen(self) -> Swings | None:
+        swings = self._swings
+        if len(swings) < SWINGS or any(
+            swing.size < LEAST or not SHORTEST <= swing.duration <= LONGEST for swing in swings
+        ):
+            return None
+        sizes, durations = [swing.size for swing in swings], [swing.duration for swing in swings]
+        fades = sizes[-1] < FADING * sizes[0] or min(sizes) < FADING**2 * max(sizes)
+        if fades or any(swing.changes for swing in swings):
+            return None
+        rests = all(swing.rests for swing in swings)
+        if not (
+            all(_even(*pair, UNEVEN) for pair in pairwise(durations))
+            or (not rests and all(_even(*durations[way::2], UNEQUAL) for way in (0, 1)))
+        ):
+            return None
+        lasted = sum(durations)
+        return Swings(sizes[-1], SWINGS / (2.0 * lasted), rests, self._sticks(lasted))
+
+    def _sticks(self, lasted: float) -> bool:
+        """Whether the joint stood for a large part of the last time [s]."""
+        begin = self._turned - lasted
+        times, places = zip(*self._places, strict=True)
+        at = np.linspace(begin, self._turned, SWINGS * PARTS + 1)
+        ways = np.abs(np.diff(np.interp(at, times, places)))
+        return float(np.mean(ways < STANDS * ways.max())) > STUCK
+
+
+def _even(one: float, other: float, ratio: float) -> bool:
+    return 1.0 / ratio < one / other < ratio

@@ -1,0 +1,229 @@
+"""Small swings, at rest and in motion, are told with their cause, and nothing else is."""
+
+import numpy as np
+import pytest
+
+from pam_control.control_step import JointTelemetry, Motion
+from pam_control.controller import Controller
+from pam_control.feedback.swing_watch import Reversals, SwingWatch
+from pam_control.loop_guard import PAUSE, LoopGuard, Verdict
+from pam_control.references.spline import JointReference
+from pam_control.references.trajectory import TrajectoryPoint
+from pam_control.settings import ControlSettings
+from pam_model.robot import compose
+
+PERIOD = 0.002
+STEP = 3.8e-4  # rad, of the encoder
+PUSHES = np.cumsum(np.random.default_rng(2).uniform(0.3, 2.0, 40))  # s
+
+
+def told(error, seconds=6.0, motion=lambda time: (0.0, 0.0)):
+    """When the watch tells something of an error over time, and what.
+
+    `motion` gives velocity and acceleration of the reference.
+    """
+    random, watch, reversals = np.random.default_rng(1), SwingWatch(), Reversals()
+    target = 0.0  # rad
+    for k in range(round(seconds / PERIOD)):
+        time = k * PERIOD
+        seen = STEP * round((error(time) + 1e-4 * random.standard_normal()) / STEP)
+        velocity, acceleration = motion(time)
+        changes = reversals.update(velocity, acceleration)
+        target += velocity * PERIOD
+        rests = velocity == 0.0 and acceleration == 0.0
+        what = watch.update(time, seen, target - seen, changes, rests)
+        if what:
+            return time, what
+    return None
+
+
+def stroke(time, duration=0.8, pause=0.2):
+    """Velocity and acceleration of strokes of minimum jerk, there and back."""
+    count, within = divmod(time, duration + pause)
+    x, sign = within / duration, 1.0 if count % 2 == 0 else -1.0
+    if x >= 1.0:
+        return 0.0, 0.0
+    velocity = 30.0 * x * x * (1.0 - x) ** 2 / duration
+    return sign * velocity, sign * 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x) / duration**2
+
+
+@pytest.mark.parametrize("hertz", [1.0, 2.0, 5.0, 9.0, 15.0])
+@pytest.mark.parametrize("swing", [4e-3, 15e-3])
+def test_swings_at_rest_are_told_within_three_seconds_with_period_and_size(hertz, swing):
+    found = told(lambda t: 0.3 + 0.5 * swing * np.sin(2.0 * np.pi * hertz * t))
+    assert found is not None
+    time, what = found
+    assert time < 3.0
+    assert what.size == pytest.approx(swing, abs=0.9e-3)
+    assert what.frequency == pytest.approx(hertz, rel=0.2)
+    assert what.rests
+    assert not what.sticks
+
+
+@pytest.mark.parametrize("hertz", [7.0, 9.0, 15.0])
+def test_swings_in_motion_are_told_although_the_reference_moves(hertz):
+    found = told(lambda t: 4e-3 * np.sin(2.0 * np.pi * hertz * t), motion=stroke)
+    assert found is not None
+    time, what = found
+    assert time < 3.0
+    assert what.frequency == pytest.approx(hertz, rel=0.2)
+
+
+def test_a_slow_one_of_a_third_of_a_hertz_is_told_after_two_periods():
+    found = told(lambda t: 5e-3 * np.sin(2.0 * np.pi * 0.33 * t), seconds=10.0)
+    assert found is not None
+    assert found[0] < 9.0
+
+
+def test_a_joint_that_sticks_and_jumps_at_rest_has_another_cause():
+    found = told(lambda t: 4e-3 * np.tanh(8.0 * np.sin(2.0 * np.pi * 0.8 * t)))
+    assert found is not None
+    assert found[1].sticks
+
+
+def test_a_joint_that_sticks_and_catches_up_while_it_should_move_slowly_is_told_as_one():
+    """Its error grows with the reference and falls in a jump: a saw tooth."""
+    found = told(
+        lambda t: 8e-3 * min((3.0 * t) % 1.0, 9.0 * (1.0 - (3.0 * t) % 1.0)),
+        motion=lambda t: (0.027, 0.0),
+    )
+    assert found is not None
+    assert not found[1].rests
+    assert found[1].sticks
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        lambda t: 0.3,
+        lambda t: 1e-3 * np.sin(2.0 * np.pi * 6.0 * t),
+        lambda t: 0.05 * np.exp(-t) * t,
+        lambda t: 0.03 * np.exp(-4.0 * t) * np.cos(2.0 * np.pi * 3.0 * t),
+        lambda t: 0.04 * np.exp(-1.7 * t) * np.cos(2.0 * np.pi * 2.7 * t),
+        lambda t: 6e-3 * float(np.exp(-(((t - PUSHES) / 0.1) ** 2)).sum()),
+    ],
+    ids=["rest", "small swings", "creep", "settling", "settling with a load", "pushes"],
+)
+def test_nothing_else_is_told_at_rest(error):
+    assert told(error, seconds=20.0) is None
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        lambda t: 0.02 * stroke(t)[0],
+        lambda t: 2e-3 * stroke(t)[1],
+        lambda t: 0.02 * np.tanh(9.0 * stroke(t - 0.03)[0]) if t > 0.03 else 0.0,
+        lambda t: 1e-3 * (stroke(t)[1] - stroke(t - 0.05)[1]) if t > 0.05 else 0.0,
+    ],
+    ids=["damping", "inertia", "dry friction", "jerk"],
+)
+def test_errors_that_a_motion_causes_are_not_told(error):
+    assert told(error, seconds=30.0, motion=stroke) is None
+
+
+def test_a_slower_one_is_told_in_a_longer_motion():
+    found = told(lambda t: 4e-3 * np.sin(2.0 * np.pi * t), 8.0, lambda t: (0.1, 0.0))
+    assert found is not None
+    assert not found[1].rests
+    assert not found[1].sticks
+
+
+def test_errors_that_follow_a_trembling_reference_are_not_told():
+    trembling = 2.0 * np.pi * 5.0
+    assert (
+        told(
+            lambda t: 5e-3 * np.sin(trembling * t),
+            seconds=10.0,
+            motion=lambda t: (1.0 + np.cos(trembling * t), -trembling * np.sin(trembling * t)),
+        )
+        is None
+    )
+
+
+def late(rig, closed_loop, delay, seconds):
+    """A controller after a small motion and a rest with a hidden delay of the commands [s]."""
+    controller = Controller(rig, ControlSettings())
+    loop = closed_loop(controller, command_delay=0.003 + delay)
+    loop.run(0.5)
+    points = [TrajectoryPoint(0.5, [0.1], [0.0], [0.0])]
+    controller.references.follow(["elbow"], points, start=None, now=loop.time)
+    loop.run(seconds)
+    return controller, loop
+
+
+def test_a_loop_with_a_long_delay_is_told_and_its_gains_are_lowered_until_it_rests(
+    closed_loop, rig
+):
+    controller, loop = late(rig, closed_loop, 0.03, 3.0)
+    guard = controller.guard
+    assert "a delay" in guard.swings or guard.softened
+    normal = controller.prepared.normal.settings.gains["elbow"].gains[0]
+    used = controller.channels[0].setup.gains.gains[0]
+    assert used.proportional < 0.7 * normal.proportional
+    assert guard.stopped == ""
+    loop.run(2.0)
+    assert np.ptp(loop.run(1.0).column(1)[-400:]) < 3e-3
+    controller.drop_commands()
+    assert (guard.swings, guard.lowered) == ("", 0)
+    assert controller.channels[0].setup.gains.gains[0] == normal
+
+
+def test_a_loop_without_one_is_not(closed_loop, rig, reaching):
+    controller = Controller(rig, ControlSettings())
+    loop = closed_loop(controller)
+    loop.run(0.5)
+    points, duration = reaching
+    controller.references.follow(["elbow"], points, start=None, now=loop.time)
+    loop.run(duration + 2.0)
+    assert controller.guard.swings == ""
+    assert controller.guard.lowered == 0
+
+
+def swinging(guard, behind_tube=0, steps=2, can_soften=True, size=lambda time: 6e-3):
+    """What the guard asks for, with the times [s], of a joint that swings at rest at 5 Hz."""
+    asked = []
+    for k in range(round(8.0 / PERIOD)):
+        time = k * PERIOD
+        error = 0.5 * size(time) * np.sin(2.0 * np.pi * 5.0 * time)
+        joint = JointTelemetry(
+            JointReference(0.0), Motion(-error, 0.0, time), error, behind_tube=behind_tube
+        )
+        verdict = guard.judge(time, [joint], 0.3, can_soften, steps)
+        if verdict is not Verdict.NOTHING:
+            asked.append((time, verdict))
+        if verdict is Verdict.STOP:
+            break
+    return asked
+
+
+def test_swings_that_go_on_lower_the_gains_then_bring_the_soft_ones_then_stop(rig):
+    guard = LoopGuard(compose(rig).joints)
+    asked = swinging(guard)
+    lower, soften = Verdict.LOWER, Verdict.SOFTEN
+    assert [verdict for _, verdict in asked] == [lower, lower, soften, Verdict.STOP]
+    times = [time for time, _ in asked]
+    assert times[0] < 3.0
+    assert np.diff(times).min() > PAUSE
+    assert "with soft gains it swings as widely" in guard.stopped
+    assert "5 Hz" in guard.swings
+
+
+def test_swings_that_soft_gains_have_made_smaller_go_on(rig):
+    guard = LoopGuard(compose(rig).joints)
+    asked = swinging(guard, steps=0, size=lambda time: 6e-3 if time < 1.0 else 4e-3)
+    assert [verdict for _, verdict in asked] == [Verdict.SOFTEN]
+    assert guard.stopped == ""
+
+
+def test_a_tube_that_was_found_is_the_likely_cause(rig):
+    guard = LoopGuard(compose(rig).joints)
+    swinging(guard, behind_tube=1)
+    assert "likely cause: a tube" in guard.swings
+
+
+def test_lowered_gains_are_safe_at_every_stiffness(rig):
+    prepared = Controller(rig, ControlSettings()).prepared
+    margins = [loops.margins[0][0].phase_margin for loops in prepared.lowered]
+    assert len(margins) == 2
+    assert min(margins) > prepared.normal.margins[0][0].phase_margin

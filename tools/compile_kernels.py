@@ -1,0 +1,46 @@
+"""Compile the simulated joint, the simulated robot and the predictions of one joint.
+
+Usage: ``.venv/bin/python tools/compile_kernels.py``. numba keeps the machine code on disk. Without
+this, the first simulation, the first diagnosis and the first tests, each in two processes at once,
+wait for it.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from pam_gap.prediction.channel_order import N_CHANNELS
+from pam_gap.prediction.observer import observe
+from pam_model.plant.constants import derive_constants
+from pam_model.plant.parameters import PlantParameters
+from pam_model.plant.robot_plant import RobotPlant
+from pam_model.plant.sensors import sensor_constants
+from pam_model.plant.simulate import Plant, initial_state
+from pam_model.rig import load_rig
+
+RIG = Path(__file__).resolve().parents[1] / "config/elbow.yaml"
+STEP = 1e-3  # s
+
+
+def main() -> None:
+    """Call each kernel once."""
+    parameters = PlantParameters.from_rig(load_rig(RIG))
+    Plant(parameters).step((0.0, 0.0), STEP)
+    RobotPlant([parameters]).step([(0.0, 0.0)], STEP)
+    observe(
+        derive_constants(parameters.values)[None],
+        sensor_constants(parameters.values)[None],
+        tuple(map(np.ascontiguousarray, parameters.tables)),
+        np.zeros((2, 2)),
+        np.zeros((2, N_CHANNELS)),
+        np.ones((2, N_CHANNELS), dtype=bool),
+        initial_state(parameters)[None],
+        sample_time=STEP,
+        step=STEP,
+        horizon=np.inf,
+        kernels=(),
+    )
+
+
+if __name__ == "__main__":
+    main()
