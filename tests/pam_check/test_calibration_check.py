@@ -3,11 +3,23 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
-from pam_check.calibration.campaign import compare, over_deviation, score, torque_per_pressure
+from pam_check.blind.cases import to_table
+from pam_check.blind.truth_plant import run_truth
+from pam_check.blind.variety import Variety
+from pam_check.calibration.campaign import (
+    TOLERANCES,
+    as_recording,
+    compare,
+    over_deviation,
+    score,
+    torque_per_pressure,
+)
 from pam_check.calibration.drawn_rig import (
     EXCHANGES,
     LENGTHS,
@@ -16,9 +28,18 @@ from pam_check.calibration.drawn_rig import (
     THIRD,
     DrawnRig,
     draw_rig,
+    draw_true_rig,
     exchange,
+    motion,
+    written_numbers,
 )
-from pam_gap.calibration.calibration import DETERMINED, KEPT, CalibratedNumber
+from pam_gap.calibration.calibration import (
+    DETERMINED,
+    KEPT,
+    CalibratedNumber,
+    calibrate_joint,
+)
+from pam_model.rig.partial import load_partial_rig
 
 
 @pytest.fixture(scope="module")
@@ -96,3 +117,31 @@ def test_the_torque_per_pressure_grows_with_the_pulley(drawn: DrawnRig) -> None:
     truth["elbow.pulley_radius"] *= 2.0
     assert torque_per_pressure(truth) == pytest.approx(2.0 * base)
     assert over_deviation(1.0, 1.1, (1.05, 1.1 + 1.645)) == pytest.approx(0.1 / (0.05 / 1.645))
+
+
+@pytest.mark.long("the plant's and the design's tests of the damping stand for the whole fit")
+def test_a_calibration_finds_the_damping_of_regulators_of_the_independent_plant(
+    tmp_path: Path,
+) -> None:
+    """A rig whose regulators have two poles with a damping of 0.65, which its file leaves out."""
+    kind = Variety(regulator_time=1.0 / 74.0)
+    random = np.random.default_rng(8)
+    true = draw_true_rig(random, kind)
+    first, second = (m._replace(regulator_damping=0.65) for m in true.muscles)
+    played = motion(random, true.believed, 0.002, 20.0)
+    made = run_truth(true.joint, (first, second), played, true.sensors, random, supply=true.supply)
+    tree = written_numbers(random, true.joint, first, second)
+    path = tmp_path / "rig.yaml"
+    path.write_text(yaml.safe_dump({"/**": {"ros__parameters": tree}}))
+    found = calibrate_joint(
+        load_partial_rig(path), 0, [as_recording(to_table(made, False), "log")], said=TOLERANCES
+    )
+    assert found.rig is not None
+    numbers = {one.key: one for one in found.numbers}
+    for muscle in ("elbow_flexor", "elbow_extensor"):
+        damping = numbers[f"{muscle}.valve.damping"]
+        assert damping.written is None
+        assert damping.value == pytest.approx(0.65, abs=0.05)
+        assert found.rig.muscle(muscle).valve.damping == damping.value
+        lag = numbers[f"{muscle}.valve.time_constant"]
+        assert lag.value == pytest.approx(first.time_constant, rel=0.12)

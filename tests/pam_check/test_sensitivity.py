@@ -17,7 +17,8 @@ from pam_check.blind.sensitivity import (
     to_markdown,
 )
 from pam_gap.diagnosis_files import IMPROVED_RIG
-from pam_gap.inference.evidence import KeptEvidence, decide_again
+from pam_gap.inference.decide import decide, decided_answer
+from pam_gap.inference.evidence import Evidence
 from pam_gap.inference.score import Score
 from pam_gap.rules import DEFAULT, table
 from pam_gap.rules.rule import DECISION
@@ -31,20 +32,21 @@ def score(effects: tuple[str, ...], rms: float) -> Score:
     return Score(effects, " + ".join(effects), len(effects), counts * rms**2, counts)
 
 
-def kept(nominal: float, best: float) -> KeptEvidence:
+def kept(nominal: float, best: float) -> Evidence[Score]:
     """Creep leaves `best` of an RMS error of `nominal` floors."""
     creep = score(("creep",), best)
-    return KeptEvidence(
-        np.ones(3),
-        np.zeros(3),
-        np.ones(3, dtype=bool),
-        score((), nominal + 1.0),
-        score((), nominal),
-        (creep, score(("leakage",), nominal)),
-        {0: creep},
-        ("creep", "leakage"),
-        (),
-        (),
+    return Evidence(
+        floor=np.ones(3),
+        background=np.zeros(3),
+        present=np.ones(3, dtype=bool),
+        motion=np.zeros(3),
+        written=score((), nominal + 1.0),
+        nominal=score((), nominal),
+        tried=(creep, score(("leakage",), nominal)),
+        singles=("creep", "leakage"),
+        stages=(),
+        growth=(),
+        settled={0: creep},
     )
 
 
@@ -64,7 +66,7 @@ def campaign(tmp_path: Path) -> Path:
     for name, (kind, effects, evidence) in CASES.items():
         place = tmp_path / "answers" / name
         place.mkdir(parents=True)
-        answer = decide_again(evidence, DEFAULT).answer
+        answer = decided_answer(evidence, decide(evidence, DEFAULT), DEFAULT)
         (place / "diagnosis.json").write_text(json.dumps(answer))
         evidence.save(place / "evidence.npz")
         labels.append(
@@ -109,8 +111,11 @@ def test_rules_of_another_version_are_compared_with_the_stored_verdicts(
     assert "001: creep hidden; unknown -> named creep" in told
     assert "1 answers change" in told
     assert [line.split() for line in told.splitlines() if line.startswith("truth_in_set ")] == [
-        ["truth_in_set", "1", "->", "2", "of", "2"]
+        ["truth_in_set", "1", "->", "2", "of", "2"],
+        ["truth_in_set", "2", "1", "2"],  # by the rules, by belief, and of how many
     ]
+    assert "surprise of the rules" in told
+    assert "surprise of the belief" in told
 
 
 def test_a_change_is_counted_as_the_blind_check_counts(campaign: Path) -> None:

@@ -34,11 +34,13 @@ from pam_driver.tools.check_rig import check_rig
 from pam_model.effects import EFFECTS, Effect, adjusted
 from pam_model.effects.slots import TARGETS, Adjusts
 from pam_model.joints.antagonistic_joint import AntagonisticJoint
+from pam_model.plant.compiled import for_kernel
 from pam_model.plant.constants import derive_constants
 from pam_model.plant.parameters import PlantParameters
 from pam_model.rig import Bus, Joint, Muscle, Rig, Valve, load_rig
 from pam_model.robot import Robot, compose
 from pam_model.views.inverse_dynamics import InverseDynamics
+from pam_model.views.joint_numbers import joint_numbers
 from support.source_tree import modules
 
 ROOT = Path(__file__).parents[2]
@@ -257,6 +259,10 @@ OF_CONSUMER: dict[str, dict[str, Callable[[Robot], Any] | None]] = {
         "rig": lambda robot: robot.rig,
         "joints": lambda robot: [JointModels.of(robot, joint, 5e3) for joint in robot.joints],
         "stiffnesses": lambda robot: [12.0] * len(robot.joints),
+    },
+    "PressureLoops": {
+        "joints": lambda robot: [JointModels.of(robot, joint, 5e3) for joint in robot.joints],
+        "numbers": lambda robot: for_kernel(joint_numbers(robot)),
     },
     "operating_point": {"pressures": lambda robot: (2e5, 1.5e5)},
     "arm_strokes": {

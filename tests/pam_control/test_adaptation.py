@@ -7,24 +7,38 @@ import math
 import numpy as np
 import pytest
 
-from pam_control.adaptation.flow_adaptation import FlowAdaptation, FlowSample
-from pam_control.adaptation.motion_functions import MotionMemory
-from pam_control.adaptation.recursive_fit import CORRELATED, RecursiveFit, Suspect
-from pam_control.adaptation.tube_pressure import TubePressure
-from pam_control.controller import Controller
-from pam_control.feedback.pid import handed_over
-from pam_control.feedback.pressure_loop import (
-    PressureDemand,
-    PressureLoopSettings,
-    create_pressure_loop,
+from pam_control.adaptation.flow_adaptation import (
+    EVERY,
+    FlowAdaptation,
+    corrected_flow,
+    take_flow,
+    unit_loss,
 )
-from pam_control.feedback.stuck_integral import StuckIntegral
+from pam_control.adaptation.motion_functions import N_MEMORY, begin_memory, element, move_memory
+from pam_control.adaptation.recursive_fit import CORRELATED, RecursiveFit, Suspect
+from pam_control.adaptation.tube_pressure import pressure_behind_tube
+from pam_control.controller import Controller
+from pam_control.feedback.loop_rows import (
+    D_RATE,
+    D_REFERENCE,
+    D_SPEED,
+    N_FULL,
+    N_NUMBERS,
+    N_STATE,
+    V_INSIDE,
+    V_SINCE,
+)
+from pam_control.feedback.pid import handed_over
+from pam_control.feedback.pressure_loop import PressureLoops
+from pam_control.feedback.stuck_integral import begin_sticking, given_back
 from pam_control.feedback.supply_reservoir import SupplyReservoir
-from pam_control.references.spline import JointReference
+from pam_control.joint_models import JointModels
+from pam_control.laws.plan_rows import N_PLAN, Y_ADAPTED
 from pam_control.references.trajectory import TrajectoryPoint
 from pam_control.settings import ControlSettings
-from pam_model.joints.antagonistic_joint import AntagonisticJoint
+from pam_model.plant.compiled import for_kernel
 from pam_model.robot import compose
+from pam_model.views.joint_numbers import joint_numbers
 
 SETTLE = 1.0
 PAYLOAD = {"payload.mass": 0.5, "payload.distance": 0.2}
@@ -115,7 +129,7 @@ def test_the_learnt_torque_is_limited(closed_loop, rig, reaching):
     loop.run(SETTLE)
     controller.references.follow(["elbow"], points, start=None, now=loop.time)
     used = []
-    loop.run(duration, lambda _: used.append(controller.channels[0].law_state.adapted))
+    loop.run(duration, lambda _: used.append(controller.channels[0].law_state.y[Y_ADAPTED]))
     assert max(map(abs, used)) == pytest.approx(0.1)
 
 
@@ -225,26 +239,33 @@ def test_the_integral_gives_up_what_was_learnt_and_no_more():
         assert handed_over(carried, learnt) == pytest.approx(left)
 
 
+def sticking():
+    """State of a plan in which no integral was gathered."""
+    state = [0.0] * N_PLAN
+    begin_sticking(state)
+    return state
+
+
 @pytest.mark.parametrize(("friction", "back"), [(0.5, 0.2), (0.05, 0.05), (0.0, 0.0)])
 def test_what_the_integral_gathers_while_a_joint_sticks_is_given_back(friction, back):
-    stuck, integral = StuckIntegral(), 0.1
+    stuck, integral = sticking(), 0.1
     for _ in range(100):  # at rest, 3 mrad beside the target
         integral += 0.002
-        assert stuck.update(JointReference(0.3), 0.297, integral, friction) == 0.0
+        assert given_back(stuck, (0.3, 0.0, 0.0), 0, 0.297, integral, friction) == 0.0
     taken = 0.0
     for cycle in range(100):
-        reference = JointReference(0.3 + 3e-4 * cycle, 0.15)
-        taken += stuck.update(reference, 0.297, integral - taken, friction)
+        reference = (0.3 + 3e-4 * cycle, 0.15, 0.0)
+        taken += given_back(stuck, reference, 0, 0.297, integral - taken, friction)
     assert taken == pytest.approx(back, rel=0.03)
 
 
 def test_a_joint_that_moves_while_its_reference_rests_does_not_stick():
-    stuck, integral = StuckIntegral(), 0.0
+    stuck, integral = sticking(), 0.0
     for cycle in range(100):  # pushed back by a load that was put on
         integral += 0.002
-        stuck.update(JointReference(0.3), 0.25 + 5e-4 * cycle, integral, 0.5)
+        given_back(stuck, (0.3, 0.0, 0.0), 0, 0.25 + 5e-4 * cycle, integral, 0.5)
     taken = sum(
-        stuck.update(JointReference(0.3 + 3e-4 * k, 0.15), 0.3, integral, 0.5) for k in range(100)
+        given_back(stuck, (0.3 + 3e-4 * k, 0.15, 0.0), 0, 0.3, integral, 0.5) for k in range(100)
     )
     assert taken < 0.01
 
@@ -273,19 +294,46 @@ def test_a_suspect_is_either_fitted_like_the_others_or_changes_nothing(hidden):
 
 
 def test_slip_elements_make_a_loop_that_closes():
-    memory, there, back = MotionMemory(), [], []
+    memory, there, back = [0.0] * N_MEMORY, [], []
+    begin_memory(memory, 0)
+
+    def slips(position):
+        move_memory(memory, 0, position, STEP)
+        return [element(memory, 0, number) for number in range(4)]
+
     sweep = np.linspace(-0.5, 0.5, 400)
     for _ in range(2):
-        there = [memory.advance(q, STEP)[:4] for q in sweep]
-        back = [memory.advance(q, STEP)[:4] for q in sweep[::-1]]
+        there = [slips(q) for q in sweep]
+        back = [slips(q) for q in sweep[::-1]]
     assert np.all(np.array(there[200]) > 0.8)
     assert np.all(np.array(back[200]) < -0.8)
+
+
+class Valve:
+    """What is learnt of one valve, with the rows of its loop."""
+
+    def __init__(self, full: float) -> None:
+        self.numbers, self.state = [0.0] * N_NUMBERS, [0.0] * N_STATE
+        self.numbers[N_FULL] = full
+        self.adaptation = FlowAdaptation(self.numbers, self.state, SUPPLY)
+
+    def learn(self, promised, pressure, per_rate, lost=0.0, delay=0.0):
+        full = self.numbers[N_FULL]
+        take_flow(
+            self.numbers, self.state, STEP, promised, full, pressure, lost, per_rate, 0.0, delay
+        )
+        if self.state[V_SINCE] >= EVERY:
+            self.adaptation.update()
+
+    def asked(self, wanted, pressure):
+        full = self.numbers[N_FULL]
+        return corrected_flow(self.numbers, self.state, wanted, 0.0, full, pressure)
 
 
 def test_a_supply_that_falls_while_air_is_taken_is_told_from_a_narrow_path():
     """Its share of the flow is asked for in addition while it lacks, and not after a rest."""
     full, per_rate = 3e-3, 2e-9
-    adaptation = FlowAdaptation(full, SUPPLY)
+    valve = Valve(full)
     pressure, taken = 2e5, 0.0
     for cycle in range(10000):
         now = STEP * cycle
@@ -294,9 +342,9 @@ def test_a_supply_that_falls_while_air_is_taken_is_told_from_a_narrow_path():
         up = max(promised, 0.0)
         taken += STEP / 10.0 * (up / full - taken)
         pressure += STEP * (promised - 4.0 * up * taken) / per_rate
-        adaptation.learn(STEP, FlowSample(promised, full, pressure, 0.0, per_rate, 0.0, 0.0))
+        valve.learn(promised, pressure, per_rate)
     wanted = 0.3 * full
-    asked = adaptation.corrected(wanted, 0.0, full, pressure)
+    asked = valve.asked(wanted, pressure)
     assert asked * (1.0 - 4.0 * taken) == pytest.approx(wanted, rel=0.03)
     assert asked > 1.1 * wanted
 
@@ -314,7 +362,7 @@ def _true_flow(promised, exhaust, offset, overlap, leak, pressure, capacity):
 )
 def test_a_valve_gives_what_is_asked_for_after_its_flow_was_learnt(exhaust, offset, overlap, leak):
     full, per_rate, delay = 3e-3, 2e-9, 0.005
-    adaptation = FlowAdaptation(full, SUPPLY)
+    valve = Valve(full)
     random, pressure, late = np.random.default_rng(5), 2e5, 0.0
     for cycle in range(4000):
         now = STEP * cycle
@@ -323,9 +371,9 @@ def test_a_valve_gives_what_is_asked_for_after_its_flow_was_learnt(exhaust, offs
         given = _true_flow(late, exhaust, offset, overlap, leak, pressure, full)
         pressure += STEP * given / per_rate
         shown = pressure + 70.0 * random.standard_normal()
-        adaptation.learn(STEP, FlowSample(promised, full, shown, 0.0, per_rate, 0.0, delay))
+        valve.learn(promised, shown, per_rate, delay=delay)
     for wanted in (-0.3 * full, 0.3 * full):
-        asked = adaptation.corrected(wanted, 0.0, full, pressure)
+        asked = valve.asked(wanted, pressure)
         given = _true_flow(asked, exhaust, offset, overlap, leak, pressure, full)
         assert given == pytest.approx(wanted, rel=0.06)
 
@@ -337,7 +385,7 @@ def test_a_valve_gives_what_is_asked_for_after_its_flow_was_learnt(exhaust, offs
 def test_a_tube_is_found_and_told_from_a_late_sensor_and_another_volume(tube, volume, late):
     """The sensor shows the pressure in the muscle and the loss in the tube, `late` seconds late."""
     full, per_rate = 3e-3, 2e-9
-    adaptation = FlowAdaptation(full, SUPPLY)
+    valve = Valve(full)
     random, pressure, lagging, loss = np.random.default_rng(6), 3e5, 3e5, 0.0
     for cycle in range(4000):
         now = STEP * cycle
@@ -346,23 +394,24 @@ def test_a_tube_is_found_and_told_from_a_late_sensor_and_another_volume(tube, vo
         loss = tube * flow * abs(flow) / full**2 * SUPPLY**2 / (2.0 * pressure)
         lagging += STEP / (late + STEP) * (pressure + loss - lagging)
         shown = lagging + 100.0 * random.standard_normal()
-        found = adaptation.tube.share * adaptation.tube.unit_loss(flow, shown)
-        adaptation.learn(STEP, FlowSample(flow, full, shown, found, per_rate, 0.0, 0.0))
-    found = adaptation.tube.share
+        found = valve.adaptation.tube.share * unit_loss(valve.numbers, flow, shown)
+        valve.learn(flow, shown, per_rate, lost=found)
+    found = valve.adaptation.tube.share
     assert found == pytest.approx(tube, rel=0.1)
     for _ in range(30000):  # a minute of rest
-        adaptation.learn(STEP, FlowSample(0.0, full, pressure, 0.0, per_rate, 0.0, 0.0))
-    assert adaptation.tube.share == pytest.approx(found, rel=0.02)
+        valve.learn(0.0, pressure, per_rate)
+    assert valve.adaptation.tube.share == pytest.approx(found, rel=0.02)
 
 
 def test_the_pressure_behind_a_tube_is_that_of_the_flow_at_once_and_of_the_sensor_in_time():
     """So the loop does not chatter by what the sensor shows, and keeps no error of the flow."""
-    observer = TubePressure()
-    assert observer.update(STEP, 2e5, 0.0, 0.0) == 2e5
-    at_once = observer.update(STEP, 2.5e5, 2e4, 0.0)
+    state = [0.0] * N_STATE
+    state[V_INSIDE] = math.nan
+    assert pressure_behind_tube(state, STEP, 2e5, 0.0, 0.0) == 2e5
+    at_once = pressure_behind_tube(state, STEP, 2.5e5, 2e4, 0.0)
     assert at_once < 2.02e5
     for _ in range(600):
-        found = observer.update(STEP, 2.5e5, 2e4, 0.0)
+        found = pressure_behind_tube(state, STEP, 2.5e5, 2e4, 0.0)
     assert found == pytest.approx(2.3e5, rel=1e-3)
 
 
@@ -370,13 +419,15 @@ def test_the_pressure_behind_a_tube_is_that_of_the_flow_at_once_and_of_the_senso
 def test_a_muscle_that_is_empty_or_at_the_supply_does_not_end_the_control_loop(rig, pressure):
     """The open valve has no flow there, of which a share could be learnt."""
     robot = compose(rig)
-    joint = AntagonisticJoint.from_robot(robot, robot.joints[0])
-    muscle, reservoir = robot.muscles[0], SupplyReservoir(robot)
-    loop = create_pressure_loop(robot, muscle, joint.agonist, reservoir)
-    settings = PressureLoopSettings(15.0, 0.4, adaptation=True, acting_delay=0.005)
+    joints = [JointModels.of(robot, robot.joints[0], 0.0)]
+    numbers = for_kernel(joint_numbers(robot))
+    loops = PressureLoops(robot, joints, SupplyReservoir(robot), numbers)
+    loops.use(0, ControlSettings(pressure_gain=15.0, lead_ratio=0.4), True, 0.005)
     rate = 1e5 if pressure else -1e5
     for cycle in range(50):
         wanted = pressure + math.copysign(1e4 * (cycle % 7), rate)
-        demand = PressureDemand(wanted, rate, 0.0, muscle.neutral_length, 0.01)
-        command, _ = loop.command(demand, pressure, settings, 0.002)
-        assert -1.0 <= command <= 1.0
+        loops.read([pressure, pressure], STEP)
+        for demand in loops.demands:
+            demand[D_REFERENCE], demand[D_RATE], demand[D_SPEED] = wanted, rate, 0.3
+        commands, _ = loops.command(0.0, STEP)
+        assert all(-1.0 <= command <= 1.0 for command in commands)

@@ -5,9 +5,17 @@ import pytest
 from scipy.optimize import lsq_linear
 
 from pam_control.adaptation.averaged_fit import AveragedFit, Rival
-from pam_control.adaptation.motion_functions import DEVIATIONS, MotionMemory
+from pam_control.adaptation.motion_functions import (
+    DEVIATIONS,
+    N_ELEMENTS,
+    N_MEMORY,
+    begin_memory,
+    element,
+    move_memory,
+)
 from pam_control.adaptation.recursive_fit import CORRELATED
 from pam_control.adaptation.torque_adaptation import DELAY, RIVALS, SLIPS, TorqueAdaptation
+from pam_control.laws.plan_rows import N_LEARNING, N_PLAN
 
 NOISE = 0.05
 
@@ -77,13 +85,15 @@ STROKE = 0.05 * LARGEST  # N m of friction
 
 def after_one_stroke(torque):
     """The fit of a joint's torques after one smooth stroke of 0.4 rad in 0.6 s."""
-    learnt = TorqueAdaptation(0.05, 0.25, LARGEST)._fit
-    memory, step = MotionMemory(), 0.01
+    learnt = TorqueAdaptation([0.0] * N_PLAN, [0.0] * N_LEARNING, 0.05, 0.25, LARGEST)._fit
+    memory, step = [0.0] * N_MEMORY, 0.01
+    begin_memory(memory, 0)
     for k in range(60):
         phase = np.pi * k * step / 0.6
         q, speed = 0.2 * (1.0 - np.cos(phase)), 0.2 * np.pi / 0.6 * np.sin(phase)
         acceleration = 0.2 * (np.pi / 0.6) ** 2 * np.cos(phase)
-        elements = memory.advance(q, step)
+        move_memory(memory, 0, q, step)
+        elements = [element(memory, 0, number) for number in range(N_ELEMENTS)]
         rate = 12.0 * speed
         functions = np.array([1.0, q, q**3, speed, acceleration, *elements, rate])
         value = torque(speed, elements, rate)

@@ -4,16 +4,25 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from functools import partial
 
 import numpy as np
 import pytest
 
-from pam_control.compensation.dry_friction import SMOOTHING_SPEED, DryFriction
-from pam_control.compensation.history_torque import HistoryTorque
-from pam_control.compensation.muscle_memory import MuscleMemory
-from pam_control.compensation.valve_inverse import ValveInverse
-from pam_control.references.spline import JointReference
+from pam_control.compensation.dry_friction import SMOOTHING_SPEED, DryFriction, friction_change
+from pam_control.compensation.history_torque import history_torque
+from pam_control.joint_models import JointModels
+from pam_control.laws.position_rows import PositionRows
 from pam_model.effects.valve_dead_zone import ROUNDED
+from pam_model.plant.compiled import for_kernel
+from pam_model.plant.composition import memory_pull
+from pam_model.plant.control_laws import (
+    flow_opening,
+    inverse_row,
+    memory_advance,
+    spool_position,
+)
+from pam_model.plant.layout import AGONIST
 from pam_model.plant.parameters import PlantParameters
 from pam_model.plant.simulate import initial_state, simulate
 from pam_model.robot import compose
@@ -24,8 +33,35 @@ def with_effects(rig, **effects):
     return dataclasses.replace(rig.muscle(rig.joints[0].agonist), effects=effects)
 
 
-def memory_of(rig, muscle) -> MuscleMemory:
-    return MuscleMemory.from_muscle(compose(rig.with_muscle(muscle)).muscle(muscle.name))
+def rows_of(rig) -> PositionRows:
+    """The rows of the first joint."""
+    robot = compose(rig)
+    return PositionRows([JointModels.of(robot, robot.joints[0], 5e3)])
+
+
+class Memory:
+    """What the agonist of the elbow remembers."""
+
+    def __init__(self, rig, muscle) -> None:
+        rows = rows_of(rig.with_muscle(muscle))
+        self.constants, self.state = rows.c[0], rows.memory[0]
+
+    def move(self, stroke, duration):
+        memory_advance(AGONIST, self.constants, self.state, 0, stroke, duration)
+
+    def pull(self, pressure):
+        return memory_pull(AGONIST, self.constants, self.state, 0, pressure)[0]
+
+
+def along(rig):
+    """The torque of the history of the first joint, as a function of time and reference."""
+    rows = rows_of(rig)
+    own = (rows.c[0], rows.j[0], rows.y[0], rows.memory[0])
+
+    def torque(time, position, velocity=0.0, acceleration=0.0, pressure=2e5):
+        return history_torque(*own, time, position, velocity, acceleration, pressure, pressure)
+
+    return torque
 
 
 def friction_of(rig, joint) -> DryFriction:
@@ -54,12 +90,10 @@ def test_dry_friction_turns_over_its_presliding_angle_and_pushes_nothing_at_rest
     named = {"static_torque": 0.8, "torque": 0.4, "speed": 0.1, "presliding_angle": 2e-3}
     joint = dataclasses.replace(rig.joints[0], effects={"stribeck_friction": named})
     friction = friction_of(rig, joint)
-    muscles = compose(rig).muscles
-    history = HistoryTorque(muscles, rig.joints[0].pulley_radius, friction)
+    history = along(rig.with_joint(joint))
 
     def torque(position, velocity, acceleration):
-        reference = JointReference(position, velocity, acceleration)
-        return history.advance(position, reference, (2e5, 2e5))
+        return history(position, position, velocity, acceleration)
 
     assert torque(0.0, 0.0, 1.0) == 0.0
     assert torque(2e-3, 1.0, 1.0) == pytest.approx(-0.4 * (1.0 - math.exp(-1.0)))
@@ -74,21 +108,21 @@ def test_falling_friction_brakes_a_joint_that_is_too_fast(rig):
     """A sign that is wrong would double the negative damping of such a friction."""
     named = {"static_torque": 0.8, "torque": 0.4, "speed": 0.1}
     joint = dataclasses.replace(rig.joints[0], effects={"stribeck_friction": named})
-    friction = friction_of(rig, joint)
+    change = partial(friction_change, rows_of(rig.with_joint(joint)).c[0])
     for planned in (0.08, -0.08):
         forwards = math.copysign(1.0, planned)
-        assert forwards * friction.change(planned, 1.5 * planned) < -0.05
-        assert forwards * friction.change(planned, 0.5 * planned) > 0.05
-        assert abs(friction.change(planned, 1e3 * planned)) <= 0.4
-    assert friction.change(0.0, 0.2) == 0.0  # at rest nothing comes from the measured speed
+        assert forwards * change(planned, 1.5 * planned) < -0.05
+        assert forwards * change(planned, 0.5 * planned) > 0.05
+        assert abs(change(planned, 1e3 * planned)) <= 0.4
+    assert change(0.0, 0.2) == 0.0  # at rest nothing comes from the measured speed
     coulomb = dataclasses.replace(joint, effects={"coulomb_friction": {"torque": 0.3}})
-    assert friction_of(rig, coulomb).change(0.05, 0.2) == 0.0
+    assert friction_change(rows_of(rig.with_joint(coulomb)).c[0], 0.05, 0.2) == 0.0
 
 
 def test_thread_friction_does_not_know_time_nor_steps(rig):
     """Rate-independent: a stroke in one piece or in many ends in the same state."""
     muscle = with_effects(rig, hysteresis={"amplitude": 0.1, "presliding_length": 1e-3})
-    whole, parts = memory_of(rig, muscle), memory_of(rig, muscle)
+    whole, parts = Memory(rig, muscle), Memory(rig, muscle)
     saturated = 0.1 * muscle.thread_length**2 / (4.0 * math.pi * muscle.turns**2)
     for stroke in (2e-3, -7e-4, 3e-4):
         whole.move(stroke, 1.0)
@@ -100,7 +134,7 @@ def test_thread_friction_does_not_know_time_nor_steps(rig):
 
 def test_creep_relaxes_with_its_time_constant(rig):
     muscle = with_effects(rig, creep={"ratio": 0.2, "time_constant": 2.0})
-    creep = memory_of(rig, muscle)
+    creep = Memory(rig, muscle)
     creep.move(0.01, 0.0)
     at_once = creep.pull(2e5)
     stiffness = 0.2 * 6.0 * 3e5 * muscle.rest_length / (4.0 * math.pi * muscle.turns**2)
@@ -126,14 +160,8 @@ def test_history_is_that_of_the_simulated_muscle(rig):
             parameters, np.zeros((len(time), 2)), 0.002, start, positions=q, pressures=p
         )
         torques.append(rig.joints[0].pulley_radius * (result.forces[:, 0] - result.forces[:, 1]))
-    history = HistoryTorque(
-        compose(named).muscles,
-        rig.joints[0].pulley_radius,
-        DryFriction(),
-    )
-    own = [
-        history.advance(t, JointReference(x), (2.5e5, 2.5e5)) for t, x in zip(time, q, strict=True)
-    ]
+    history = along(named)
+    own = [history(t, x, pressure=2.5e5) for t, x in zip(time, q, strict=True)]
     difference = np.array(own) - (torques[1] - torques[0])
     assert np.abs(torques[1] - torques[0]).max() > 0.2
     assert np.abs(difference).max() < 0.02 * np.abs(torques[1] - torques[0]).max()
@@ -142,7 +170,7 @@ def test_history_is_that_of_the_simulated_muscle(rig):
 @pytest.mark.parametrize("overlap", [0.0, 0.05, 0.3])
 @pytest.mark.parametrize("null", [-0.1, 0.0, 0.07])
 def test_spool_undoes_overlap_and_null_offset(rig, overlap, null):
-    inverse = ValveInverse.from_muscle(
+    row = inverse_row(
         with_effects(
             rig,
             valve_dead_zone={"overlap": overlap},
@@ -150,10 +178,11 @@ def test_spool_undoes_overlap_and_null_offset(rig, overlap, null):
             exhaust_restriction={"ratio": 0.5},
         )
     )
+    inverse = for_kernel(np.array(row))
     for opening in (-0.8, -0.2, -ROUNDED, ROUNDED, 0.3, 0.9):
-        spool = inverse.spool(opening) + null
+        spool = spool_position(inverse, opening) + null
         passed = math.copysign(max(0.0, abs(spool) - overlap) / (1.0 - overlap), spool)
         assert passed == pytest.approx(opening, abs=1e-12)
-    assert inverse.spool(0.0) == -null
-    assert inverse.opening(-0.2) == pytest.approx(-0.4)
-    assert inverse.opening(0.2) == 0.2
+    assert spool_position(inverse, 0.0) == -null
+    assert flow_opening(inverse, -0.2) == pytest.approx(-0.4)
+    assert flow_opening(inverse, 0.2) == 0.2

@@ -10,12 +10,10 @@ import pytest
 
 from pam_control.controller import Controller
 from pam_control.controller_topics import ControllerTopics
-from pam_control.feedback.disturbance_observer import (
-    AlignedPressures,
-    DisturbanceObserver,
-    ObserverSettings,
-)
+from pam_control.feedback.disturbance_observer import begin_observer, observed_loss
 from pam_control.feedback.margins import ControlDesignError
+from pam_control.laws.plan_rows import N_MEASURED, N_PLAN, P_A
+from pam_control.plan_memory import Rings, measure, value_at
 from pam_control.references.trajectory import TrajectoryPoint
 from pam_control.settings import ControlSettings
 
@@ -125,18 +123,21 @@ def test_a_bandwidth_that_an_unknown_delay_makes_unstable_is_refused(rig):
 def test_a_delay_of_the_position_that_is_known_is_no_disturbance():
     """Compared at one time, a fast motion shows nothing; compared as they arrive, it would."""
     inertia, damping, delay, step = 0.05, 0.25, 0.02, 0.002
-    settings = ObserverSettings(40.0, 1e-6, 5.0)
 
     def found(known: float) -> float:
-        observer = DisturbanceObserver(inertia, damping, 0.0)
-        pressures, seen = AlignedPressures(0.1), []
+        state, pressures, seen = [0.0] * N_PLAN, Rings(1, N_MEASURED), []
+        begin_observer(state, 0.0, 0.0)
         for cycle in range(1000):
             now = cycle * step
             torque = inertia * -36.0 * math.sin(6.0 * now) + damping * 6.0 * math.cos(6.0 * now)
-            pressures.add(now, (torque, 0.0))
+            measure(pressures.rows[0], pressures.ends[0], now, torque, 0.0, 0.1)
             speed = 6.0 * math.cos(6.0 * (now - delay))
-            muscles, _ = pressures.at(now - known)
-            seen.append(observer.update(step, muscles, 0.0, speed, settings))
+            muscles = value_at(pressures.rows[0], pressures.ends[0], now - known, P_A, 1.0)
+            seen.append(
+                observed_loss(
+                    state, step, muscles, 0.0, speed, inertia, damping, 0.0, 40.0, 1e-6, 5.0
+                )
+            )
         return float(np.std(seen[500:]))
 
     assert found(delay) < 0.1 * found(0.0)

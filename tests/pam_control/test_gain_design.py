@@ -13,7 +13,7 @@ from pam_control.feedback.gain_schedule import GainSchedule
 from pam_control.feedback.linear_joint import LoopTiming, frequency_response
 from pam_control.feedback.margins import ControlDesignError, margins, pid_response
 from pam_control.feedback.operating_points import operating_point
-from pam_control.feedback.pid import Pid, PidGains
+from pam_control.feedback.pid import PidGains, integrate, pid_output
 from pam_control.laws.pressure_ratio_pid import PressureRatioPid
 from pam_control.laws.registry import laws
 from pam_control.settings import ControlSettings
@@ -24,6 +24,7 @@ from pam_model.plant.simulate import initial_state, simulate
 from pam_model.rig import load_rig
 from pam_model.robot import compose
 from pam_model.views.inverse_dynamics import InverseDynamics
+from support.feedback_rows import feedback
 from support.rigs import CONFIG
 
 TWO_JOINTS = CONFIG / "two_joints.yaml"
@@ -135,23 +136,23 @@ def test_inverse_dynamics_gives_the_torque_that_moves_the_plant_so(rig):
 
 
 def test_a_clipped_pid_settles_where_its_output_just_saturates():
-    gains, pid = PidGains(2.0, 20.0, 0.0, 0.01), Pid()
+    pid = feedback(PidGains(2.0, 20.0, 0.0, 0.01))
     for _ in range(5000):
-        output = pid.output(1.0, 0.002, gains)
+        output = pid_output(*pid, 1.0, 0.002)
         missed = max(-3.0, min(3.0, output)) - output
-        pid.integrate(1.0, 0.002, gains, missed=missed, limit=1e9)
+        integrate(*pid, 1.0, 0.002, missed, 1e9, False)
     assert output < 6.0  # 5 s of error would have made it 200
     for _ in range(200):
-        output = pid.output(-0.2, 0.002, gains)
-        pid.integrate(-0.2, 0.002, gains, missed=0.0, limit=1e9)
+        output = pid_output(*pid, -0.2, 0.002)
+        integrate(*pid, -0.2, 0.002, 0.0, 1e9, False)
     assert output < 3.0
 
 
 def test_a_repeated_sample_does_not_look_like_standing_still():
-    gains, pid = PidGains(0.0, 0.0, 1.0, 0.02), Pid()
+    pid = feedback(PidGains(0.0, 0.0, 1.0, 0.02))
     for sample in range(200):
-        pid.output(0.01 * sample, 0.01, gains)
-        again = pid.output(0.01 * sample, 0.0, gains)
+        pid_output(*pid, 0.01 * sample, 0.01)
+        again = pid_output(*pid, 0.01 * sample, 0.0)
     assert again == pytest.approx(1.0, rel=1e-3)
 
 

@@ -10,9 +10,10 @@ from pam_control.feedback.closed_loop import is_stable
 from pam_control.feedback.gain_design import INFEASIBLE, DesignTask, PidCost
 from pam_control.feedback.gain_schedule import GainSchedule
 from pam_control.feedback.margins import margins
-from pam_control.feedback.pid import Pid, PidGains
+from pam_control.feedback.pid import PidGains, pid_output
 from pam_control.references.trajectory import TrajectoryPoint
 from pam_control.settings import ControlSettings
+from support.feedback_rows import feedback
 
 SOFT, STIFF = PidGains(2.0, 20.0, 0.1, 0.01, lead=0.02), PidGains(6.0, 60.0, 0.5, 0.01, lead=0.02)
 SCHEDULE = GainSchedule((5.0, 15.0), (SOFT, STIFF))
@@ -110,9 +111,9 @@ def test_a_stiffness_that_changes_as_fast_as_it_may_does_not_make_the_joint_swin
 
 
 def test_the_lead_is_the_derivative_of_the_derivative():
-    pid, gains, step = Pid(), PidGains(0.0, 0.0, 1.0, 1e-4, lead=0.02), 1e-3
+    pid, step = feedback(PidGains(0.0, 0.0, 1.0, 1e-4, lead=0.02)), 1e-3
     for k in range(400):
         time = k * step
-        output = pid.output(math.sin(5.0 * time), 0.0 if k == 0 else step, gains)
+        output = pid_output(*pid, math.sin(5.0 * time), 0.0 if k == 0 else step)
     expected = 5.0 * math.cos(5.0 * time) - 0.02 * 25.0 * math.sin(5.0 * time)
     assert output == pytest.approx(expected, abs=0.05)

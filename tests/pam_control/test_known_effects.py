@@ -9,7 +9,8 @@ from pam_control.control_step import Measurement
 from pam_control.controller import Controller
 from pam_control.feedback.closed_loop import is_stable
 from pam_control.feedback.margins import margins
-from pam_control.plan_memory import Plan, plan_at, planned_rates, remember
+from pam_control.laws.plan_rows import N_PLANNED, P_A, P_B, P_KNOWN, P_MEMORY, P_STIFFNESS
+from pam_control.plan_memory import Rings, planned_at, planned_rate, remember
 from pam_control.references.spline import JointReference
 from pam_control.settings import ControlSettings
 from pam_model.effects import EFFECTS
@@ -230,18 +231,22 @@ def test_a_small_difference_of_the_valves_delays_keeps_the_feedforward_of_both(
 def test_plans_reach_back_over_every_delay_at_every_rate(period):
     """Remembered by time: 0.4 s of delay is 20 plans at 50 Hz and 800 plans at 2 kHz."""
     delay, slope = 0.4, (3e4, -2e4)
-    plans = ()
+    plans = Rings(1, N_PLANNED)
     for cycle in range(round(1.0 / period) + 1):
         time = cycle * period
-        plan = Plan(time, (slope[0] * time, slope[1] * time), 10.0 * time, 0.1 * time, 0.1 * time)
-        plans = remember(plans, plan, time - delay)
-    then = plan_at(plans, time - delay)
-    assert then.pressures == pytest.approx((slope[0] * 0.6, slope[1] * 0.6))
-    assert (then.stiffness, then.memory_torque) == pytest.approx((6.0, 0.06))
+        plans.make_room()
+        own = plans.rows[0], plans.ends[0]
+        remember(
+            *own, time - delay, time, slope[0] * time, slope[1] * time, 10.0 * time, 0.1 * time,
+            0.2 * time,
+        )  # fmt: skip
+    for field, rate in ((P_A, slope[0]), (P_B, slope[1]), (P_STIFFNESS, 10.0), (P_MEMORY, 0.1)):
+        assert planned_at(*own, time - delay, field) == pytest.approx(rate * 0.6)
+    assert planned_at(*own, time - delay, P_KNOWN) == pytest.approx(0.12)
     for lead in (0.0, 1e-6, 0.3 * period, 3.7 * period):
-        assert planned_rates(plans, (time, time - lead)) == pytest.approx(slope)
-        assert planned_rates(plans, (time - lead, time)) == pytest.approx(slope)
-    assert len(plans) < 0.6 / period
+        assert planned_rate(*own, time - lead, P_A) == pytest.approx(slope[0])
+        assert planned_rate(*own, time - lead, P_B) == pytest.approx(slope[1])
+    assert own[1][1] < 0.6 / period
 
 
 def worst(cases, timing, gains):

@@ -5,16 +5,29 @@ from __future__ import annotations
 import math
 import random
 
-from pam_control.feedback.pressure_watch import LEAST_FACTOR, PressureWatch
+from pam_control.feedback.loop_rows import N_NUMBERS, N_STATE, N_THRESHOLD, V_FACTOR
+from pam_control.feedback.pressure_watch import (
+    LEAST_FACTOR,
+    LEAST_SHARE,
+    begin_watch,
+    watch_pressure,
+)
 
 STEP = 0.002
 
 
-def factor_after(error, seconds=1.0):
-    watch = PressureWatch(6e5)
+def watched(error, seconds=1.0):
+    """State of the loop after a while."""
+    numbers, state = [0.0] * N_NUMBERS, [0.0] * N_STATE
+    numbers[N_THRESHOLD] = LEAST_SHARE * 6e5
+    begin_watch(state)
     for cycle in range(round(seconds / STEP)):
-        watch.update(error(cycle * STEP), STEP)
-    return watch.factor
+        watch_pressure(numbers, state, error(cycle * STEP), STEP)
+    return state
+
+
+def factor_after(error, seconds=1.0):
+    return watched(error, seconds)[V_FACTOR]
 
 
 def wave(frequency, amplitude=2e4):
@@ -41,9 +54,7 @@ def test_noise_is_no_chatter():
 
 
 def test_the_gain_returns_when_the_joint_is_taken_over_anew():
-    watch = PressureWatch(6e5)
-    for cycle in range(500):
-        watch.update(wave(40.0)(cycle * STEP), STEP)
-    assert watch.factor < 1.0
-    watch.reset()
-    assert watch.factor == 1.0
+    state = watched(wave(40.0))
+    assert state[V_FACTOR] < 1.0
+    begin_watch(state)
+    assert state[V_FACTOR] == 1.0

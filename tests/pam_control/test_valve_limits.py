@@ -12,7 +12,14 @@ from hypothesis import strategies as st
 
 from pam_control.joint_models import JointModels
 from pam_control.references.jerk_limited_stop import rest_position
-from pam_control.references.motion_limiter import MotionLimiter, MotionLimits
+from pam_control.references.limited_references import (
+    R_HELD,
+    R_KIND,
+    R_PLANNED,
+    TRAJECTORY,
+    LimitedReferences,
+)
+from pam_control.references.motion_limiter import MotionLimits
 from pam_control.references.spline import JointReference
 from pam_control.valve_limits import ValveDemand
 from pam_model.gas import pressure_rate, valve_flow
@@ -104,12 +111,12 @@ def test_braking_as_computed_ends_where_it_was_said(velocity: float, acceleratio
 
 def follow(target: JointReference, duration: float) -> np.ndarray:
     """References of a limiter that follows a constant target, a row every 2 ms."""
-    limiter = MotionLimiter(LIMITS, (-2.0, 2.0))
-    limiter.reset(0.0)
+    references = LimitedReferences([LIMITS], [(-2.0, 2.0)])
+    references.sources[0][R_HELD] = target.position
     rows = []
     for step in range(round(duration / 0.002)):
-        limiter.advance(step * 0.002, lambda _: target)
-        state = limiter.state
+        references.advance(step * 0.002, [])
+        state = references.state(0)
         rows.append((state.position, state.velocity, state.acceleration))
     return np.array(rows)
 
@@ -130,8 +137,8 @@ def test_a_jump_becomes_a_motion_of_limited_jerk_that_does_not_overshoot(jump: f
 
 
 def test_a_planned_reference_that_the_valves_can_follow_passes_unchanged() -> None:
-    limiter = MotionLimiter(LIMITS, (-2.0, 2.0))
-    limiter.reset(0.0)
+    references = LimitedReferences([LIMITS], [(-2.0, 2.0)])
+    references.sources[0][R_KIND], references.sources[0][R_PLANNED] = TRAJECTORY, 1.0
     turn = 2.0 * math.pi * 2.0
 
     def swing(time: float) -> JointReference:
@@ -150,8 +157,8 @@ def test_a_planned_reference_that_the_valves_can_follow_passes_unchanged() -> No
         )
 
     for step in range(500):
-        limiter.advance(step * 0.002, swing, planned=True)
-        wanted, state = swing(step * 0.002), limiter.state
+        references.advance(step * 0.002, [(0, swing)])
+        wanted, state = swing(step * 0.002), references.state(0)
         assert state.position == pytest.approx(wanted.position)
         assert state.velocity == pytest.approx(wanted.velocity)
-        assert not limiter.limited
+        assert not references.is_limited(0)

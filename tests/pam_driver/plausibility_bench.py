@@ -116,10 +116,12 @@ def by_hand(
     measured = inside = pressure + ambient
     spool = -1.0 if valve.kind == "flow" else 0.0
     residual = 0.0
-    for _ in range(steps):
+    for step in range(1, steps + 1):
         spool = command + math.exp(-PERIOD / valve.time_constant) * (spool - command)
         opening = min(max(spool, -1.0), 1.0)
-        if valve.kind != "flow":
+        if valve.kind != "flow":  # the step response of two equal poles, from 0
+            x = step * PERIOD / valve.time_constant
+            spool = command * (1.0 - (1.0 + x) * math.exp(-x))
             opening = min(max((spool * valve.full_scale + ambient - inside) / 2e4, -1.0), 1.0)
         flow = valve_flow(
             opening,

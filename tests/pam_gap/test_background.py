@@ -39,7 +39,7 @@ def score(effects: tuple[str, ...], rms: tuple[float, float, float]) -> Score:
 
 def decided(nominal: Score, *tried: Score, background: np.ndarray = BACKGROUND) -> Decision[Score]:
     judge = Judge(np.ones(CHANNELS), PRESENT, DEFAULT.decision, background=background)
-    return judge.decide(nominal, tried, lambda one: one)
+    return judge.decide(nominal, tried)
 
 
 def test_a_delay_that_leads_is_named_although_the_background_remains() -> None:
@@ -73,12 +73,10 @@ def test_a_cause_outside_the_table_must_remove_most_of_the_gap() -> None:
     nominal, found = score((), (10.5, 10.5, 52.0)), score(("payload",), (9.9, 9.9, 49.0))
     encoder = replace(score((), (9.5, 9.5, 47.0)), unlisted="an eccentricity of the encoder")
     judge = Judge(np.ones(CHANNELS), PRESENT, DEFAULT.decision, background=BACKGROUND)
-    decision = judge.decide(nominal, [found], lambda one: one, [encoder])
+    decision = judge.decide(nominal, [found], [encoder])
     assert (decision.verdict, decision.better) == ("none", None)
     strong = score((), (33.0, 74.0, 90.0))
-    decision = judge.decide(
-        strong, [score(("payload",), (20.0, 30.0, 60.0))], lambda s: s, [encoder]
-    )
+    decision = judge.decide(strong, [score(("payload",), (20.0, 30.0, 60.0))], [encoder])
     assert (decision.verdict, decision.better) == ("unknown", encoder)
 
 
@@ -91,7 +89,7 @@ def test_a_cause_outside_the_table_must_be_told_from_an_effect_that_is_as_simple
     def verdict(offset: Score, share: np.ndarray) -> str:
         sums = np.where(np.arange(CHANNELS) == 2, share[:, None], 1.0) * offset.sums
         encoder = Score((), "", 2, sums, offset.counts, unlisted="an eccentricity of the encoder")
-        return judge.decide(nominal, [offset], lambda one: one, [encoder]).verdict
+        return judge.decide(nominal, [offset], [encoder]).verdict
 
     assert verdict(offset, np.full(BLOCKS, 0.85)) == "named"
     assert verdict(offset, np.full(BLOCKS, 0.4)) == "unknown"
@@ -127,7 +125,7 @@ def test_probabilities_follow_the_verdict_and_sum_to_one() -> None:
     judge = Judge(np.ones(CHANNELS), PRESENT, DEFAULT.decision, background=BACKGROUND)
 
     def given(nominal: Score, *tried: Score) -> dict[str, float]:
-        decision = judge.decide(nominal, tried, lambda one: one)
+        decision = judge.decide(nominal, tried)
         found = dict(probabilities(judge, nominal, decision))
         assert sum(found.values()) == pytest.approx(1.0)
         assert next(iter(found)) in (decision.verdict, "command_delay")
@@ -146,7 +144,7 @@ def test_a_cause_can_hide_in_a_background_but_not_in_noise() -> None:
     stated = {}
     for background in (BACKGROUND, np.zeros(CHANNELS)):
         judge = Judge(np.ones(CHANNELS), PRESENT, DEFAULT.decision, background=background)
-        decision = judge.decide(nominal, [found], lambda one: one)
+        decision = judge.decide(nominal, [found])
         assert decision.verdict == "none"
         stated[judge.has_background] = probabilities(judge, nominal, decision)["none"]
     assert 0.5 < stated[True] < 0.8 * stated[False]
@@ -158,13 +156,13 @@ def test_the_verdict_agrees_with_the_most_probable_explanation() -> None:
     droop = score(("supply_droop",), (8.1, 8.1, 22.0))
     judge = Judge(np.ones(CHANNELS), PRESENT, DEFAULT.decision, background=BACKGROUND)
     lag = score(("valve_lag",), (14.5, 14.5, 22.0))
-    decision = judge.decide(nominal, [droop, lag], lambda one: one)
+    decision = judge.decide(nominal, [droop, lag])
     assert judge.share_removed(nominal, droop) < DEFAULT.decision.most_of_the_gap
     assert decision.verdict == "none"
     again = agreed(judge, nominal, decision)
     assert (again.verdict, again.chosen) == ("named", droop)
     assert next(iter(probabilities(judge, nominal, again))) == "supply_droop"
-    weak = judge.decide(nominal, [lag], lambda one: one)
+    weak = judge.decide(nominal, [lag])
     assert agreed(judge, nominal, weak) is weak
 
 
@@ -174,7 +172,7 @@ def test_a_second_cause_is_weighed_against_other_causes_only() -> None:
     compliance = score(("cable_compliance",), (18.0, 18.0, 260.0))
     both = score(("cable_compliance", "position_delay"), (16.0, 16.0, 120.0))
     judge = Judge(np.ones(CHANNELS), PRESENT, DEFAULT.decision, background=BACKGROUND)
-    decision = judge.decide(nominal, [compliance, both], lambda one: one)
+    decision = judge.decide(nominal, [compliance, both])
     stated = probabilities(judge, nominal, decision)
     assert cause_probabilities(stated, {"position_delay"})["position_delay"] < 0.5
     assert stated["unknown"] > 0.2
@@ -186,13 +184,13 @@ def test_a_second_cause_that_is_rather_absent_is_not_named() -> None:
     delay = score(("command_delay",), (12.0, 12.0, 50.0))
     pair = score(("command_delay", "creep"), (9.55, 9.55, 43.0))
     judge = Judge(np.ones(CHANNELS), PRESENT, DEFAULT.decision, background=BACKGROUND)
-    decision = judge.decide(nominal, [delay, pair], lambda one: one)
+    decision = judge.decide(nominal, [delay, pair])
     assert decision.chosen is pair
     kept = agreed(judge, nominal, decision)
     assert kept.verdict == "named"
     assert kept.chosen is delay
     clear = replace(pair, sums=0.5 * pair.sums)
-    decision = judge.decide(nominal, [delay, clear], lambda one: one)
+    decision = judge.decide(nominal, [delay, clear])
     assert agreed(judge, nominal, decision).chosen is clear
 
 
@@ -204,7 +202,7 @@ def test_many_improbable_rivals_do_not_outvote_the_most_probable_explanation() -
     others = ("thermal", "end_caps", "leakage", "payload", "dead_volume", "viscous_friction")
     rivals = [score(("command_delay", one), (9.6, 9.6, 43.0)) for one in others]
     judge = Judge(np.ones(CHANNELS), PRESENT, DEFAULT.decision, background=BACKGROUND)
-    decision = judge.decide(nominal, [delay, pair, *rivals], lambda one: one)
+    decision = judge.decide(nominal, [delay, pair, *rivals])
     assert decision.verdict == "named"
     assert decision.chosen is pair
     found = probabilities(judge, nominal, decision)
@@ -220,7 +218,7 @@ def test_a_cause_counts_as_present_in_its_richer_law() -> None:
     dry = score(("command_delay", "coulomb_friction"), (9.3, 9.3, 42.0))
     falling = score(("command_delay", "stribeck_friction"), (9.2, 9.2, 42.0))
     judge = Judge(np.ones(CHANNELS), PRESENT, DEFAULT.decision, background=BACKGROUND)
-    decision = judge.decide(nominal, [delay, dry, falling], lambda one: one)
+    decision = judge.decide(nominal, [delay, dry, falling])
     assert decision.chosen is dry
     assert (
         cause_probabilities(probabilities(judge, nominal, decision), {*dry.causes})[
@@ -235,7 +233,7 @@ def test_a_gap_that_does_not_matter_is_most_probably_none() -> None:
     motion = np.full(CHANNELS, 1e4**2)
     judge = Judge(np.ones(CHANNELS), PRESENT, DEFAULT.decision, motion)
     nominal, found = score((), (1.0, 1.0, 2.6)), score(("viscous_friction",), (1.0, 1.0, 1.0))
-    decision = judge.decide(nominal, [found], lambda one: one)
+    decision = judge.decide(nominal, [found])
     assert decision.verdict == "none"
     assert probabilities(judge, nominal, decision)["none"] > 0.8
 

@@ -16,8 +16,8 @@ import pam_gap
 from pam_gap.__main__ import main
 from pam_gap.diagnosis_engine import JointDiagnosis
 from pam_gap.inference.candidates import candidates_for
+from pam_gap.inference.decide import decide, decided_answer
 from pam_gap.inference.decision import Decision
-from pam_gap.inference.evidence import decide_again
 from pam_gap.inference.held_out import score_held_out
 from pam_gap.inference.hypothesis import FitTask
 from pam_gap.inference.named_effects import merged_groups
@@ -95,10 +95,10 @@ def test_effects_are_named(
     diagnosis = engine.run()
     assert diagnosis.verdict == ("named" if effects else "none")
     assert engine.evidence is not None
-    again = decide_again(engine.evidence, DEFAULT)
-    assert again.is_exact
-    whole = diagnosis.to_json()
-    assert again.answer == {key: whole[key] for key in again.answer}
+    verdict = decide(engine.evidence, DEFAULT)
+    assert verdict.is_exact
+    again, whole = decided_answer(engine.evidence, verdict, DEFAULT), diagnosis.to_json()
+    assert again == {key: whole[key] for key in again}
     assert set(diagnosis.effects) == set(effects)
     if effects:
         assert diagnosis.closed is not None

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+import ast
+from dataclasses import FrozenInstanceError, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from pam_gap.inference.evidence import KeptEvidence, decide_again
+import pam_gap
+from pam_gap.inference.decide import decide, decided_answer
+from pam_gap.inference.evidence import Evidence, load_evidence
 from pam_gap.inference.score import Score
 from pam_gap.inference.search_growth import GrowthStep
 from pam_gap.prediction.locate import StageGap
-from pam_gap.rules import DEFAULT, changed
+from pam_gap.rules import DEFAULT, Rules, changed
 from pam_model.errors import PamError
 
 BLOCKS, CHANNELS = 20, 3
@@ -27,7 +31,7 @@ def score(effects: tuple[str, ...], rms: float) -> Score:
     return Score(effects, " + ".join(effects), len(effects), sums, counts)
 
 
-def evidence(**changes: object) -> KeptEvidence:
+def evidence(**changes: object) -> Evidence[Score]:
     """Creep explains what is left; coupled with a leak it explains a little more."""
     tried = (
         score(("creep",), 1.2),
@@ -35,10 +39,11 @@ def evidence(**changes: object) -> KeptEvidence:
         score(("leakage",), 4.0),
         score(("creep", "leakage"), 1.15),
     )
-    kept = KeptEvidence(
+    kept = Evidence(
         floor=np.ones(CHANNELS),
         background=np.zeros(CHANNELS),
         present=np.array([True, True, True]),
+        motion=np.zeros(CHANNELS),
         written=score((), 9.0),
         nominal=score((), 6.0),
         tried=tried,
@@ -50,17 +55,22 @@ def evidence(**changes: object) -> KeptEvidence:
     return replace(kept, **changes)
 
 
+def answer(kept: Evidence[Score], rules: Rules = DEFAULT) -> dict[str, Any]:
+    """What the decision gives of diagnosis.json."""
+    return decided_answer(kept, decide(kept, rules), rules)
+
+
 def test_evidence_read_back_gives_the_same_decision(tmp_path: Path) -> None:
     kept = evidence()
     kept.save(tmp_path / "evidence.npz")
-    read = KeptEvidence.load(tmp_path / "evidence.npz")
-    first, second = decide_again(kept, DEFAULT), decide_again(read, DEFAULT)
-    assert first == second
-    assert first.is_exact
-    assert first.answer["verdict"] == "named"
-    assert first.answer["effects"] == ["creep"]
-    assert first.answer["stage"] == "muscle"
-    assert 0.9 < first.answer["closed"]["value"] <= 1.0
+    read = load_evidence(tmp_path / "evidence.npz")
+    first = answer(kept)
+    assert first == answer(read)
+    assert decide(read, DEFAULT).is_exact
+    assert first["verdict"] == "named"
+    assert first["effects"] == ["creep"]
+    assert first["stage"] == "muscle"
+    assert 0.9 < first["closed"]["value"] <= 1.0
 
 
 @pytest.mark.parametrize(
@@ -76,44 +86,42 @@ def test_another_constant_gives_another_verdict(
     path: str, value: float, verdict: str, effects: list[str]
 ) -> None:
     rules = changed(path, value, changed("decision.rival_part", 0.01))
-    answer = decide_again(evidence(), rules).answer
-    assert answer["verdict"] == verdict
-    assert answer["effects"] == effects
+    found = answer(evidence(), rules)
+    assert found["verdict"] == verdict
+    assert found["effects"] == effects
 
 
 def test_a_wider_spread_widens_the_interval_alone() -> None:
-    plain = decide_again(evidence(), DEFAULT).answer
-    wide = decide_again(evidence(), changed("decision.motion_spread", 0.9)).answer
+    plain = answer(evidence(), DEFAULT)
+    wide = answer(evidence(), changed("decision.motion_spread", 0.9))
     assert wide["closed"]["low"] < plain["closed"]["low"]
     assert wide | {"closed": 0} == plain | {"closed": 0}
 
 
 def test_the_stage_of_unknown_needs_a_gap() -> None:
     unknown = changed("decision.closed_at_least", 0.999)
-    assert decide_again(evidence(), unknown).answer["stage"] == "muscle"
+    assert answer(evidence(), unknown)["stage"] == "muscle"
     deaf = changed("prediction.stage_from", 5.0, unknown)
-    assert decide_again(evidence(), deaf).answer["stage"] is None
+    assert answer(evidence(), deaf)["stage"] is None
 
 
 def test_a_fit_that_was_never_made_is_told() -> None:
     """The rival was not fitted to its end, since with the constants in use it was none."""
     near = changed("decision.rival_gap", 9.0, changed("decision.rival_part", 0.01))
-    assert not decide_again(evidence(), near).is_exact
-    assert not decide_again(evidence(settled={}), DEFAULT).is_exact
+    assert not decide(evidence(), near).is_exact
+    assert not decide(evidence(settled={}), DEFAULT).is_exact
 
 
 def test_a_search_that_would_have_gone_on_is_told() -> None:
     """What is left is sought to be explained where it is itself a gap that matters."""
     kept = evidence(growth=((GrowthStep(1, 3, True, 10.0, 1.2), True),))
-    assert decide_again(kept, DEFAULT).is_exact
-    assert not decide_again(kept, changed("decision.no_gap", 0.5)).is_exact
+    assert decide(kept, DEFAULT).is_exact
+    assert not decide(kept, changed("decision.no_gap", 0.5)).is_exact
     harmless = evidence(growth=((GrowthStep(1, 3, False, 10.0, 5.0), False),))
-    assert decide_again(harmless, DEFAULT).is_exact
+    assert decide(harmless, DEFAULT).is_exact
     further = (GrowthStep(2, 3, True, 10.0, 5.0, previous=7.0, runner_up=6.9), True)
-    assert decide_again(evidence(growth=(further,)), DEFAULT).is_exact
-    assert not decide_again(
-        evidence(growth=(further,)), changed("decision.further_gain", 2.5)
-    ).is_exact
+    assert decide(evidence(growth=(further,)), DEFAULT).is_exact
+    assert not decide(evidence(growth=(further,)), changed("decision.further_gain", 2.5)).is_exact
 
 
 def test_a_cause_outside_the_table_that_leaves_less_makes_the_verdict_unknown(
@@ -124,28 +132,49 @@ def test_a_cause_outside_the_table_that_leaves_less_makes_the_verdict_unknown(
     offset = score(("creep",), 1.4)  # so close that it would be named for it
     kept = evidence(unlisted=(encoder,), tried=(offset,), settled={})
     kept.save(tmp_path / "evidence.npz")
-    read = KeptEvidence.load(tmp_path / "evidence.npz")
-    assert decide_again(read, DEFAULT).answer["verdict"] == "unknown"
+    read = load_evidence(tmp_path / "evidence.npz")
+    assert answer(read, DEFAULT)["verdict"] == "unknown"
     worse = replace(score((), 1.5), unlisted="a drift", free_numbers=1)
-    assert decide_again(evidence(unlisted=(worse,)), DEFAULT).answer["effects"] == ["creep"]
+    assert answer(evidence(unlisted=(worse,)), DEFAULT)["effects"] == ["creep"]
+
+
+def test_the_decision_is_made_in_one_place() -> None:
+    """Engine, answer and kept evidence each put names, probabilities and the verdict together."""
+    parts = {"agreed", "probabilities", "named_effects", "verdict_of"}
+    package = Path(pam_gap.__file__).parent
+    users = {
+        path.relative_to(package).as_posix()
+        for path in package.rglob("*.py")
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.ImportFrom)
+        if parts & {name.name for name in node.names}
+    }
+    assert users == {"inference/decide.py", "inference/decision.py"}
+
+
+def test_what_goes_in_and_what_comes_out_is_frozen() -> None:
+    kept = evidence()
+    for one, name in ((kept, "tried"), (decide(kept, DEFAULT), "effects")):
+        with pytest.raises(FrozenInstanceError):
+            setattr(one, name, ())
 
 
 def test_a_file_that_is_no_evidence_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "evidence.npz"
     path.write_bytes(b"nothing")
     with pytest.raises(PamError, match="not the evidence of a diagnosis"):
-        KeptEvidence.load(path)
+        load_evidence(path)
     with pytest.raises(PamError, match="not the evidence of a diagnosis"):
-        KeptEvidence.load(tmp_path / "missing.npz")
+        load_evidence(tmp_path / "missing.npz")
 
 
 def test_what_is_closed_is_that_of_the_improved_rig_file(tmp_path: Path) -> None:
     better = replace(score(("creep", "hysteresis"), 1.05), ordinary=("hysteresis",))
     kept = evidence(improved=better, improved_for="creep")
     kept.save(tmp_path / "evidence.npz")
-    read = decide_again(KeptEvidence.load(tmp_path / "evidence.npz"), DEFAULT).answer
-    plain = decide_again(evidence(), DEFAULT).answer
+    read = answer(load_evidence(tmp_path / "evidence.npz"), DEFAULT)
+    plain = answer(evidence(), DEFAULT)
     assert read["closed"]["value"] > plain["closed"]["value"]
     assert read | {"closed": 0} == plain | {"closed": 0}
-    without = decide_again(evidence(improved=None, improved_for="creep"), DEFAULT).answer
+    without = answer(evidence(improved=None, improved_for="creep"), DEFAULT)
     assert without == plain | {"closed": None}  # no file improves the rig

@@ -34,7 +34,7 @@ def decided(nominal: float, left: float, motion: float, share: float = 0.001) ->
     rules = changed("decision.material_share", share).decision
     judge = Judge(np.ones(3), np.ones(3, dtype=bool), rules, np.full(3, motion**2))
     tried = [score(("position_offset",), left), score(("leakage",), nominal)]
-    return judge.decide(score((), nominal), tried, lambda s: s)
+    return judge.decide(score((), nominal), tried)
 
 
 @pytest.mark.parametrize(
@@ -161,7 +161,7 @@ def test_a_better_fit_that_was_not_preferred_is_explained() -> None:
     own = ScoredCandidate(("hysteresis",), 0.0, width, level=1.4)
     text = why_preferred(("hysteresis",), [pair, own])
     assert "creep + hysteresis fits this recording better" in text
-    assert "88 %" in text
+    assert "%" not in text  # the probability of a cause is the only one that the page states
     assert "a further effect is only accepted if" in text
     assert "(sum of the log errors 1.10 against 1.40)" in text
     assert why_preferred(("creep", "hysteresis"), [pair, own]) == ""

@@ -8,7 +8,7 @@ import pytest
 from pam_gap.inference.decision import Judge
 from pam_gap.inference.score import Score
 from pam_gap.inference.selection import contains
-from pam_gap.inference.verdict import Evidence, closed_by_channel, decide
+from pam_gap.inference.verdict import Figures, closed_by_channel, verdict_of
 from pam_gap.rules import DEFAULT
 
 BLOCKS = 12
@@ -91,7 +91,7 @@ def test_a_richer_law_is_a_rival_where_it_leaves_less(
 
 
 def test_no_gap_and_no_gain_are_no_names() -> None:
-    assert decide(Evidence((), 0.1, 0.1, 3, 0.0), (), RULES) == "none"
-    assert decide(Evidence(("creep",), 9.0, 8.9, 3, 0.0), (), RULES) == "unknown"
-    assert decide(Evidence(("creep",), 9.0, 1.0, 3, 0.9), (), RULES) == "named"
-    assert decide(Evidence(("creep",), 9.0, 1.0, 3, 0.9), ("hysteresis",), RULES) == "ambiguous"
+    assert verdict_of(Figures((), 0.1, 0.1, 3, 0.0), (), RULES) == "none"
+    assert verdict_of(Figures(("creep",), 9.0, 8.9, 3, 0.0), (), RULES) == "unknown"
+    assert verdict_of(Figures(("creep",), 9.0, 1.0, 3, 0.9), (), RULES) == "named"
+    assert verdict_of(Figures(("creep",), 9.0, 1.0, 3, 0.9), ("hysteresis",), RULES) == "ambiguous"

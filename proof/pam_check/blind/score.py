@@ -139,6 +139,34 @@ def reliability_of_causes(
     return _by_stated(stated)
 
 
+LEAST_PROBABILITY = 0.002
+"""Probability that every explanation has in `surprise`, so that one rig cannot decide alone."""
+
+
+def surprise(
+    labels: Sequence[Mapping[str, Any]], answers: Mapping[str, Mapping[str, Any]]
+) -> float | None:
+    """Mean of minus the logarithm of the probability that was given to what is hidden.
+
+    It is a proper score: the smallest mean is that of probabilities which are right. None if no
+    answer has probabilities.
+
+    Parameters
+    ----------
+    labels, answers
+        As for `score`.
+    """
+    given = [
+        float(probabilities.get(hidden_explanation(label), 0.0))
+        for label in labels
+        if (probabilities := (answers.get(str(label["case"])) or {}).get("probabilities"))
+    ]
+    if not given:
+        return None
+    likely = LEAST_PROBABILITY + (1.0 - LEAST_PROBABILITY) * np.array(given)
+    return float(-np.mean(np.log(likely)))
+
+
 def _by_stated(stated: Sequence[tuple[float, bool]]) -> list[dict[str, Any]]:
     table: list[dict[str, Any]] = []
     for low, high in pairwise(BINS):

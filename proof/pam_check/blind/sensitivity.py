@@ -20,7 +20,9 @@ from pam_check.blind.cases import LABELS
 from pam_check.blind.score import score
 from pam_check.blind.untouched import with_untouched
 from pam_gap.diagnosis_files import EVIDENCE, diagnose_files
-from pam_gap.inference.evidence import KeptEvidence, decide_again
+from pam_gap.inference.decide import decide, decided_answer
+from pam_gap.inference.evidence import Evidence, load_evidence
+from pam_gap.inference.score import Score
 from pam_gap.rules import DEFAULT, RuleEntry, Rules, changed, table
 from pam_gap.rules.rule import DECISION, PROPOSAL
 from pam_model.command_line import Arguments, Outcome, progress
@@ -76,7 +78,7 @@ class Campaign:
     folder: Path
     labels: list[dict[str, Any]]
     answers: Answers
-    evidence: Mapping[str, KeptEvidence]
+    evidence: Mapping[str, Evidence[Score]]
 
     @classmethod
     def read(cls, folder: Path) -> Campaign:
@@ -108,7 +110,7 @@ class Campaign:
                     f"{place}: no {EVIDENCE}; run the campaign again with --keep-evidence"
                 )
             answers[label["case"]] = json.loads((place / "diagnosis.json").read_text())
-            evidence[label["case"]] = KeptEvidence.load(place / EVIDENCE)
+            evidence[label["case"]] = load_evidence(place / EVIDENCE)
         stored = json.loads(score_file.read_text()).get("untouched", {})
         for case, share in stored.items():
             if answers.get(case, {}).get("closed"):
@@ -120,8 +122,8 @@ class Campaign:
         answers: dict[str, dict[str, Any]] = {}
         inexact = 0
         for case, kept in self.evidence.items():
-            again = decide_again(kept, rules)
-            answers[case] = dict(again.answer)
+            again = decide(kept, rules)
+            answers[case] = decided_answer(kept, again, rules)
             inexact += not again.is_exact
             before = self.answers[case]
             # Measured with the identified rig, so it is valid only if the same effects are found.

@@ -118,6 +118,7 @@ class TruthMuscle(NamedTuple):
     regulator: float = 0.0
     regulator_zero: float = 0.0  # Pa
     regulator_gain: float = 1.0
+    regulator_damping: float = 1.0  # of the two poles at 1/time_constant
 
 
 @dataclass
@@ -221,6 +222,7 @@ class TruthState(NamedTuple):
     spool_play: Array
     delay_buffer: Array
     q_buffer: Array
+    regulator_speed: Array
 
 
 def length_and_volume_at_rest(
@@ -266,6 +268,7 @@ def start_state(
         spool_play=np.zeros(2),
         delay_buffer=np.zeros((2, 4096)),
         q_buffer=np.zeros(4096),
+        regulator_speed=np.zeros(2),
     )
     for i in range(2):
         side = -1.0 if i == 0 else 1.0
@@ -325,6 +328,7 @@ def run_samples(  # noqa: PLR0912, PLR0915
     length, gauge, line, filtered = state.length, state.gauge, state.line, state.filtered
     integral, force, spool_play = state.integral, state.force, state.spool_play
     delay_buffer, q_buffer = state.delay_buffer, state.q_buffer
+    regulator_speed = state.regulator_speed
 
     command = np.zeros(2)
     for k in range(first, last):
@@ -388,7 +392,16 @@ def run_samples(  # noqa: PLR0912, PLR0915
                 x = spool[i, 1]
                 if m.regulator > 0.0:
                     # The set point is smoothed twice; the error of the outlet opens the valve.
-                    spool[i, 2] += (1.0 - math.exp(-h / m.time_constant)) * (x - spool[i, 2])
+                    if m.regulator_damping == 1.0:
+                        spool[i, 2] += (1.0 - math.exp(-h / m.time_constant)) * (x - spool[i, 2])
+                    else:
+                        corner = 1.0 / m.time_constant
+                        pull_back = (
+                            corner * (u - spool[i, 2])
+                            - 2.0 * m.regulator_damping * (regulator_speed[i])
+                        )
+                        regulator_speed[i] += h * corner * pull_back
+                        spool[i, 2] += h * regulator_speed[i]
                     x = min(max(m.regulator * (spool[i, 2] - line[i]), -1.0), 1.0)
                 elif m.spool_hysteresis > 0.0:
                     spool_play[i] = max(

@@ -18,7 +18,14 @@ from pam_check.blind.background import add_background, background_sensors, backg
 from pam_check.blind.cases import rig_parameters, to_table
 from pam_check.blind.draw import Draw, believed_rig, draw_excitation, draw_sensors
 from pam_check.blind.rough import uneven
-from pam_check.blind.truth_plant import Excitation, TruthJoint, TruthMuscle, run_truth
+from pam_check.blind.truth_plant import (
+    Excitation,
+    Sensors,
+    SupplyWander,
+    TruthJoint,
+    TruthMuscle,
+    run_truth,
+)
 from pam_check.blind.variety import Variety, draw_variety
 
 THIRD = 1.0 / 3.0
@@ -104,10 +111,35 @@ def draw_rig(random: np.random.Generator) -> DrawnRig:
     raise RuntimeError(f"no rig that can run in {MAX_TRIES} draws")
 
 
-def _drawn(random: np.random.Generator, kind: Variety) -> DrawnRig | None:
+@dataclass(frozen=True)
+class TrueRig:
+    """A rig of the independent plant with an ordinary background, at its true size.
+
+    Attributes
+    ----------
+    joint : TruthJoint
+        Its joint.
+    muscles : (TruthMuscle, TruthMuscle)
+        Agonist first.
+    sensors : Sensors
+        Noise and quantisation.
+    supply : SupplyWander
+        How the supply changes by itself.
+    believed : TruthJoint
+        The joint at the size of an elbow, by which motions are drawn.
+    """
+
+    joint: TruthJoint
+    muscles: tuple[TruthMuscle, TruthMuscle]
+    sensors: Sensors
+    supply: SupplyWander
+    believed: TruthJoint
+
+
+def draw_true_rig(random: np.random.Generator, kind: Variety) -> TrueRig:
+    """Draw a rig of this kind: no two muscles are equal, and the sensors are not exact."""
     joint, muscle = believed_rig(random)
     joint, muscles = kind.believed(joint, muscle)
-    # the true rig: no two muscles are equal, and the sensors are not exact
     gauge = joint.supply_pressure - joint.ambient_pressure
     draw = Draw(random, joint, [_apart(random, one) for one in muscles])
     add_background(draw)
@@ -121,9 +153,21 @@ def _drawn(random: np.random.Generator, kind: Variety) -> DrawnRig | None:
     draw.on_joint(position_offset=ENCODER * random.uniform(-1.0, 1.0))
     sensors = kind.sensors(background_sensors(draw, draw_sensors(random)))
     supply = background_supply(draw)
-    step = float(random.choice(SAMPLE_TIMES))
-    true_joint = kind.joint(draw.joint)
     first, second = (kind.muscle(one) for one in draw.muscles)
+    return TrueRig(kind.joint(draw.joint), (first, second), sensors, supply, joint)
+
+
+def draw_exchange(random: np.random.Generator, is_flow: bool) -> str:
+    """What is exchanged on a rig, with flow valves or regulators; empty for nothing."""
+    exchanged = str(random.choice(EXCHANGES)) if random.random() < EXCHANGED else ""
+    return "hoses" if exchanged in OF_FLOW_VALVES and not is_flow else exchanged
+
+
+def _drawn(random: np.random.Generator, kind: Variety) -> DrawnRig | None:
+    drawn = draw_true_rig(random, kind)
+    joint, true_joint, (first, second) = drawn.believed, drawn.joint, drawn.muscles
+    sensors, supply = drawn.sensors, drawn.supply
+    step = float(random.choice(SAMPLE_TIMES))
     has_cells = bool(random.random() < LOAD_CELLS)
     tables = []
     for duration in (DURATION, WITHHELD):
@@ -134,12 +178,10 @@ def _drawn(random: np.random.Generator, kind: Variety) -> DrawnRig | None:
         if np.mean(np.abs(made.true_position) > 0.98 * true_joint.upper_limit) > 0.02:
             return None
         tables.append(uneven(to_table(made, has_cells), random))
-    exchanged = str(random.choice(EXCHANGES)) if random.random() < EXCHANGED else ""
-    if first.regulator > 0.0 and exchanged in OF_FLOW_VALVES:
-        exchanged = "hoses"
+    exchanged = draw_exchange(random, first.regulator == 0.0)
     log, withheld = (exchange(table, exchanged) for table in tables)
     return DrawnRig(
-        _written(random, true_joint, first, second),
+        written_numbers(random, true_joint, first, second),
         log,
         withheld,
         true_numbers(true_joint, (first, second)),
@@ -174,7 +216,7 @@ def true_numbers(joint: TruthJoint, muscles: tuple[TruthMuscle, TruthMuscle]) ->
     return found
 
 
-def _written(
+def written_numbers(
     random: np.random.Generator, joint: TruthJoint, first: TruthMuscle, second: TruthMuscle
 ) -> dict[str, object]:
     """The rig file: every number is off, and some are missing."""

@@ -127,6 +127,18 @@ def _decide_again(given: Arguments) -> Outcome:
     return run(given)
 
 
+def _declare_calibrate_statement(parser: Parser) -> None:
+    parser.add_argument(
+        "folders", type=input_path, nargs="+", help="--out folders of `blind --keep-evidence`"
+    )
+
+
+def _calibrate_statement(given: Arguments) -> Outcome:
+    from pam_check.blind.calibrate_statement import run  # noqa: PLC0415  (scipy, numba)
+
+    return run(given)
+
+
 COMMANDS = (
     Command(
         "blind",
@@ -148,9 +160,16 @@ COMMANDS = (
     ),
     Command(
         "decide-again",
-        "decide a finished campaign again with the rules of this version, and tell what changes",
+        "decide a finished campaign again, with the rules of this version and by belief",
         _declare_decide_again,
         _decide_again,
         examples=("pam check decide-again out/blind",),
+    ),
+    Command(
+        "calibrate-statement",
+        "find the numbers of the statement of belief that drawn rigs calibrate",
+        _declare_calibrate_statement,
+        _calibrate_statement,
+        examples=("pam check calibrate-statement out/blind",),
     ),
 )

@@ -10,6 +10,7 @@ from pam_check.blind.truth_plant import (
     TruthJoint,
     TruthMuscle,
     run_samples,
+    slow_noise,
     start_state,
 )
 
@@ -57,6 +58,8 @@ class RunningTruth:
         self._state = start_state(self._joint, self._muscles, (pressure, pressure))
         scale = [sensors.pressure_noise] * 2 + [sensors.position_noise, 0.0, 0.0]
         self._noise: Array = generator.standard_normal((count, 5)) * np.array(scale)
+        if sensors.pressure_colour > 0.0 or sensors.pressure_drift > 0.0:
+            self._noise += slow_noise(sensors, period, count, generator)
         steps = [sensors.pressure_step, sensors.position_step, sensors.command_step]
         self._settings = np.array([period, 0.0, 0.0, 0.0, *steps])
         self._command_step = sensors.command_step
@@ -73,7 +76,7 @@ class RunningTruth:
         self._muscles = TruthMuscle(*map(float, first)), TruthMuscle(*map(float, second))
 
     def advance(self, commands: tuple[float, float]) -> Array:
-        """Read the sensors, then hold these spool commands for a period; return what they showed.
+        """Read the sensors, then hold these commands for a period; return what they showed.
 
         Raises
         ------

@@ -28,7 +28,7 @@ from pam_gap.experiments.files import COMMANDS as EXPERIMENT_TABLE
 from pam_gap.experiments.files import DETAILS, read_experiment
 from pam_gap.fleet.jobs import many_rigs
 from pam_gap.import_log.import_log import columns_of
-from pam_gap.inference.evidence import KeptEvidence
+from pam_gap.inference.evidence import load_evidence
 from pam_gap.recordings.column_map import ColumnMap, load_column_map
 from pam_gap.recordings.import_recording import import_recording
 from pam_model.errors import PamError
@@ -90,7 +90,7 @@ def _other_files(rig: Rig, folder: Path) -> dict[str, tuple[dict[str, bytes], st
             lambda path: many_rigs(path.parent, path),
         ),
         "diagnosis": ({"d.json": json.dumps(answer).encode()}, "d.json", read_answers),
-        "evidence": ({"e.npz": evidence.read_bytes()}, "e.npz", KeptEvidence.load),
+        "evidence": ({"e.npz": evidence.read_bytes()}, "e.npz", load_evidence),
         "experiment": (
             {DETAILS: json.dumps(details).encode(), EXPERIMENT_TABLE: table},
             EXPERIMENT_TABLE,

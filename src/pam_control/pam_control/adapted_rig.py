@@ -21,7 +21,6 @@ from typing import Any, Final
 
 from pam_control.adaptation.flow_adaptation import FlowAdaptation
 from pam_control.adaptation.rig_numbers import DRY_FRICTION, LearntNumber, RigNumbers
-from pam_control.feedback.pressure_loop import FlowValveLoop
 from pam_control.joint_channel import JointChannel
 from pam_model.effects import effect_value
 from pam_model.errors import PamError
@@ -96,7 +95,7 @@ def learnt_of(channel: JointChannel) -> LearntOfJoint:
         raise PamError(f"nothing is learnt by the law {law.name}")
     openings, left = {}, _of_sensors(channel)
     for muscle, loop in zip(channel.models.muscles, channel.loops, strict=True):
-        if isinstance(loop, FlowValveLoop):
+        if loop.adaptation is not None:
             openings[muscle.name] = loop.adaptation.opened
             left += _of_flow(muscle.name, loop.adaptation)
     return LearntOfJoint(channel.models.name, numbers, openings, tuple(left))

@@ -1,8 +1,8 @@
 """The controller of all joints of a robot: settings, commands, stops, and one control cycle.
 
 `step` takes a measurement and returns valve commands and telemetry. There is no ROS, no clock and
-no thread here. What the pressures of a joint's muscles are is up to the control law (`laws`); what
-all laws share in a joint's cycle is in `joint_channel`.
+no thread here. What the pressures of a joint's muscles are is up to the control law (`laws`); the
+cycle of all joints is in `control_cycle`.
 
 The caller gives the time in seconds. The feedback compares a measurement with the reference at the
 time of that measurement. The feedforward is computed for the time at which the valve will act,
@@ -17,6 +17,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from pam_control.adaptation.torque_adaptation import LONGEST_DELAY
+from pam_control.control_cycle import ControlCycle
 from pam_control.control_step import (
     ControlOutput,
     JointTelemetry,
@@ -25,7 +26,6 @@ from pam_control.control_step import (
 )
 from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.feedback.supply_reservoir import SupplyReservoir
-from pam_control.joint_channel import Cycle, JointChannel
 from pam_control.joint_models import JointModels, Pair
 from pam_control.joint_setup import joint_setups
 from pam_control.laws.law import AnyLaw
@@ -101,16 +101,13 @@ class Controller:
         self.prepared = self._design(law).prepared(settings)
         self.settings = self.prepared.normal.settings
         self.reservoir = SupplyReservoir(self.robot)
-        self.channels = [
-            JointChannel(models, self.reservoir, setup)
-            for models, setup in zip(
-                self._models,
-                joint_setups(self._models, self.prepared, self.prepared.normal),
-                strict=True,
-            )
-        ]
         stiffnesses = self._default_stiffness(settings)
         self._limits = ReferenceLimits(rig, self.robot, self._models, stiffnesses)
+        setups = joint_setups(self._models, self.prepared, self.prepared.normal)
+        self._cycle = ControlCycle(
+            self.robot, self._models, self.reservoir, law, setups, self.references
+        )
+        self.channels = self._cycle.channels
         self.correction = SensorCorrection(self.robot)
         self.active = False
         self._held = False  # a stop was asked for since the joints were taken over
@@ -202,10 +199,8 @@ class Controller:
     def _apply(self, loops: Loops) -> None:
         """Use these loops from the next step on, without a jump of the desired pressures."""
         self.settings = settings = loops.settings
-        for channel, setup in zip(
-            self.channels, joint_setups(self._models, self.prepared, loops), strict=True
-        ):
-            channel.use(setup)
+        setups = joint_setups(self._models, self.prepared, loops)
+        self._cycle.use(setups)
         if not settings.adaptation:
             self.forget_adaptation()
         references = self.references
@@ -420,17 +415,19 @@ class Controller:
             return self._stopped()
         step = min(max(time - self._time, 0.0), LONGEST_STEP) or self.settings.period
         self._time = time
-        self._look_ahead(step)
+        self._look_ahead(step, self._cycle.begin())
         self.references.advance(time)
         self._limits.advance()
         self.reservoir.advance(step)
-        commands = [math.nan] * len(self.rig.muscles)
-        cycle = Cycle(time, step, measurement, self.references, self.lowering.share)
-        for channel, stiffness, torque in zip(
-            self.channels, self.stiffness_commands, torques, strict=True
-        ):
-            first, second = channel.models.joint.muscles
-            commands[first], commands[second] = channel.step(cycle, stiffness, torque)
+        commands = self._cycle.commands(
+            time,
+            step,
+            measurement,
+            self.settings,
+            self.stiffness_commands,
+            torques,
+            self.lowering.share,
+        )
         return self._judged(time, tuple(commands), measurement)
 
     def _judged(
@@ -470,9 +467,8 @@ class Controller:
                 self.references.stop([channel.models.name], time)
                 channel.begin_again()
 
-    def _look_ahead(self, step: float) -> None:
-        """Let the references reach ahead by the delay of the commands, stated and learnt."""
-        late = max((max(channel.late_commands) for channel in self.channels), default=0.0)
+    def _look_ahead(self, step: float, late: float) -> None:
+        """Let the references reach ahead by the delay of the commands, stated and learnt [s]."""
         # it shrinks more slowly than time goes on, so that no reference is changed again
         shrunk = self.references.horizon - 0.5 * step
         self.references.horizon = max(self._told_horizon + late, shrunk)

@@ -1,55 +1,64 @@
-"""One joint under control: what holds for it, the state between its cycles, and one cycle."""
+"""One joint under control: what holds for it, its law's state, and its part of a cycle."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 from pam_control.control_step import (
     JointTelemetry,
-    Measurement,
+    LawTelemetry,
     Moment,
     Motion,
     PlanRequest,
-    PressurePlan,
 )
-from pam_control.feedback.pid import Pid, PidGains
-from pam_control.feedback.pressure_loop import (
-    PressureDemand,
-    PressureLoopSettings,
-    create_pressure_loop,
+from pam_control.feedback.pid import F_INTEGRAL, PidGains, begin_feedback, continue_feedback
+from pam_control.feedback.pressure_loop import MuscleLoop
+from pam_control.joint_cycle import (
+    K_DELAY,
+    K_DESIRED_A,
+    K_DESIRED_B,
+    K_FEEDBACK,
+    K_GAINS,
+    K_POSITION,
+    K_RATE_LIMITED,
+    K_SEEN_ERROR,
+    K_STIFFNESS,
+    K_TIME,
+    K_VALVE_LIMITED,
+    K_VELOCITY,
+    CycleRows,
 )
-from pam_control.feedback.supply_reservoir import SupplyReservoir
 from pam_control.joint_models import JointModels, Pair
 from pam_control.joint_setup import JointSetup
 from pam_control.laws.law import Guidance, GuideRequest, Start
-from pam_control.limited import limited
-from pam_control.references.reference_generator import ReferenceGenerator
-
-SATURATED = frozenset({"torque", "pressure_rate", "valve"})  # what limits the torque
-
-
-class Cycle(NamedTuple):
-    """What a cycle is for all joints.
-
-    Attributes
-    ----------
-    time, step : float
-        Present time, and time since the last cycle [s].
-    measurement : Measurement
-        Corrected by what the rig file says about the sensors.
-    references : ReferenceGenerator
-        Gives the references of all joints.
-    sinking : float or None
-        Share of the pressures that is left while the air is let out slowly [-]; None otherwise.
-    """
-
-    time: float
-    step: float
-    measurement: Measurement
-    references: ReferenceGenerator
-    sinking: float | None
+from pam_control.laws.plan_rows import (
+    X_ACTS_A,
+    X_ACTS_B,
+    X_DESIRED_A,
+    X_DISTURBANCE,
+    X_FRESH,
+    X_INTEGRAL,
+    X_MEASURED_AT,
+    X_MISSED,
+    X_NEW_INTEGRAL,
+    X_NOW,
+    X_OUTPUT,
+    X_PRESSURE_A,
+    X_RATE_A,
+    X_REACHED_STIFFNESS,
+    X_REACHED_TORQUE,
+    X_REFERENCE_A,
+    X_SEEN,
+    X_SPEED_B,
+    X_STIFFNESS,
+    X_STIFFNESS_LIMITED,
+    X_TORQUE,
+    X_TORQUE_LIMITED,
+    X_TRUE_STIFFNESS,
+)
+from pam_control.references.motion_limiter import MotionLimits
+from pam_control.references.spline import JointReference
 
 
 class JointChannel:
@@ -61,34 +70,45 @@ class JointChannel:
     ----------
     models : JointModels
         What holds for the joint.
-    reservoir : SupplyReservoir
-        From which all valves of the robot draw.
+    loops : (MuscleLoop, MuscleLoop)
+        Of agonist and antagonist.
     setup : JointSetup
         What is in force at the start.
+    rows : CycleRows
+        Of all joints.
+    state
+        Of its control law.
 
     Attributes
     ----------
     models : JointModels
         What holds for the joint.
-    loops : tuple of PressureLoop
+    loops : tuple of MuscleLoop
         Of agonist and antagonist, with what was learnt of their valves.
     """
 
-    def __init__(self, models: JointModels, reservoir: SupplyReservoir, setup: JointSetup) -> None:
-        self.models = models
-        self.loops = tuple(
-            create_pressure_loop(models.robot, muscle, gas_space, reservoir)
-            for muscle, gas_space in zip(
-                models.muscles, (models.model.agonist, models.model.antagonist), strict=True
-            )
-        )
-        self._setup = setup
-        self._pid = Pid()
-        self._motion = Motion()
-        self._desired: Pair = (math.nan, math.nan)
+    def __init__(
+        self,
+        models: JointModels,
+        loops: tuple[MuscleLoop, MuscleLoop],
+        setup: JointSetup,
+        rows: CycleRows,
+        state: Any,
+    ) -> None:
+        self.models, self.loops = models, loops
+        self._setup, self._state = setup, state
+        place = models.joint.place
+        self._x, self._k = rows.x[place], rows.k[place]
         self._sinking_from: Pair | None = None  # desired pressures when the lowering began [Pa]
-        self._state = setup.law.init(models)
+        self._law_telemetry: LawTelemetry | None = None  # of a law that plans by itself
         self._telemetry = JointTelemetry()
+        self._stand()
+        self._k[K_DESIRED_A] = self._k[K_DESIRED_B] = math.nan
+
+    def _stand(self) -> None:
+        """No motion was measured."""
+        self._k[K_POSITION] = self._k[K_TIME] = math.nan
+        self._k[K_VELOCITY] = 0.0
 
     # --- what others may read ------------------------------------------------------------------
 
@@ -105,7 +125,8 @@ class JointChannel:
     @property
     def motion(self) -> Motion:
         """The latest measured motion."""
-        return self._motion
+        k = self._k
+        return Motion(float(k[K_POSITION]), float(k[K_VELOCITY]), float(k[K_TIME]))
 
     @property
     def law_state(self) -> Any:
@@ -120,7 +141,7 @@ class JointChannel:
     @property
     def integral(self) -> float:
         """Of the feedback, in the unit of its output."""
-        return self._pid.integral
+        return float(self._k[K_FEEDBACK + F_INTEGRAL])
 
     @property
     def late_position(self) -> float:
@@ -147,6 +168,7 @@ class JointChannel:
     def use(self, setup: JointSetup) -> None:
         """Use another setup from the next cycle on."""
         self._setup = setup
+        setup.law.use(self.models, self._state, setup.settings, setup.adapts)
 
     def forget_adaptation(self) -> None:
         """Forget what was learnt of the joint and its valves."""
@@ -158,38 +180,42 @@ class JointChannel:
         """Begin at a measured position [rad], and keep the pressures [Pa] at first."""
         if self._setup.learner is not None:
             self._setup.learner.interrupt()
-        self._motion, self._sinking_from = Motion(), None
+        self._stand()
+        self._sinking_from = None
         for loop in self.loops:
             loop.reset()
         self._state = self._setup.law.rest(self.models, self._state)
-        self._desired = pressures
+        self._k[K_DESIRED_A], self._k[K_DESIRED_B] = pressures
         self._begin(position)
 
     def begin_again(self) -> None:
         """Let the law begin anew from the pressures that the joint is desired to have."""
-        self._begin(self._motion.position)
+        self._begin(self.motion.position)
 
     def _begin(self, position: float) -> None:
         start = self._start(position)
         output, self._state = self._setup.law.begin(self.models, self._state, start)
-        self._pid.reset(output)
+        begin_feedback(self._k, K_FEEDBACK, output)
 
     def resume(self) -> None:
         """Go on with a changed setup from the pressures that the joint is desired to have."""
         gains = self.gains
-        found = self._setup.law.resume(self.models, self._state, self._start(self._motion.position))
+        start = self._start(self.motion.position)
+        found = self._setup.law.resume(self.models, self._state, start)
         if found is None:
             self.begin_again()
-            output = self._pid.integral
+            output = self.integral
         else:
             output, self._state = found
-        self._pid.continue_at(output, self._telemetry.error, gains)
+        for number, gain in enumerate(gains.row):
+            self._k[K_GAINS + number] = gain
+        continue_feedback(self._k, K_FEEDBACK, K_GAINS, output, self._telemetry.error)
 
     def _start(self, position: float) -> Start:
         setup = self._setup
         return Start(
             position,
-            self._desired,
+            (float(self._k[K_DESIRED_A]), float(self._k[K_DESIRED_B])),
             setup.settings,
             self.gains,
             setup.adapts,
@@ -198,164 +224,117 @@ class JointChannel:
 
     def guide(self, step: float, active: bool, held: bool, torque: float | None) -> Guidance:
         """What the law asks of the reference before a cycle; see `GuideRequest`."""
-        request = GuideRequest(step, active, held, torque, self._motion, self._setup.settings)
+        request = GuideRequest(step, active, held, torque, self.motion, self._setup.settings)
         guidance, self._state = self._setup.law.guide(self.models, self._state, request)
         return guidance
 
     # --- one cycle -----------------------------------------------------------------------------
 
-    def step(self, cycle: Cycle, stiffness: float, torque: float | None) -> Pair:
-        """One cycle; returns the commands of agonist and antagonist.
+    def prepare(self) -> None:
+        """Write what the cycle needs of the law's state."""
+        law = self._setup.law
+        self._k[K_STIFFNESS], self._k[K_DELAY] = law.stiffness(self._state), law.delay(self._state)
+
+    def ask(self, stiffness: float) -> None:
+        """Ask a law that plans all joints together for this stiffness [N m/rad]."""
+        setup = self._setup
+        self._state = setup.law.ask(
+            self.models, self._state, stiffness, setup.settings, setup.adapts
+        )
+
+    def plan(
+        self, step: float, stiffness: float, torque: float | None, limits: MotionLimits
+    ) -> None:
+        """Let the law plan one cycle.
 
         Parameters
         ----------
-        cycle : Cycle
-            The present one.
+        step : float
+            Time since the last cycle [s].
         stiffness : float
             Commanded [N m/rad].
         torque : float or None
             Commanded [N m]; None if no torque is commanded.
+        limits : MotionLimits
+            Which the reference keeps.
         """
-        setup, models = self._setup, self.models
-        settings, gains, name = setup.settings, self.gains, models.name
-        measurement, references = cycle.measurement, cycle.references
-        position = measurement.positions[models.joint.place]
-        first, second = models.joint.muscles
-        pressures = (
-            self.loops[0].inside(measurement.pressures[first], cycle.step),
-            self.loops[1].inside(measurement.pressures[second], cycle.step),
+        setup, x = self._setup, [float(number) for number in self._x]
+        seen, now, first, second = (
+            Moment(x[at], JointReference(*x[at + 1 : at + 4]))
+            for at in (X_SEEN, X_NOW, X_ACTS_A, X_ACTS_B)
         )
-        measured_at = measurement.pressure_time - settings.measurement_delay
-        seen_at = measurement.position_time - settings.measurement_delay
-        seen, now, acts = self._moments(cycle, measured_at, seen_at)
-        if setup.learner is not None:
-            setup.learner.follow(references.spline(name))
-        before = self._motion
-        self._motion = before.measured(
-            position, measurement.position_time, settings.derivative_filter
+        request = PlanRequest(
+            step,
+            setup.settings,
+            PidGains(*(float(gain) for gain in self._k[K_GAINS:K_FEEDBACK])),
+            x[X_OUTPUT],
+            x[X_INTEGRAL],
+            stiffness,
+            torque,
+            self.motion,
+            x[X_FRESH],
+            (x[X_PRESSURE_A], x[X_PRESSURE_A + 1]),
+            (x[X_DESIRED_A], x[X_DESIRED_A + 1]),
+            x[X_MEASURED_AT],
+            seen,
+            now,
+            (first, second),
+            limits,
+            setup.adapts,
+            setup.learner,
         )
-        fresh = self._motion.time - before.time if self._motion.time > before.time else 0.0
-        error = seen.reference.position - position
-        output = self._pid.output(error, fresh, gains)
-        plan = self._sinking(cycle.sinking)
-        if plan is None:
-            request = PlanRequest(
-                cycle.step,
-                settings,
-                gains,
-                output,
-                self._pid.integral,
-                stiffness,
-                torque,
-                self._motion,
-                fresh,
-                pressures,
-                self._desired,
-                measured_at,
-                seen,
-                now,
-                acts,
-                references.motion[name],
-                setup.adapts,
-                setup.learner,
-            )
-            plan, self._state = setup.law.plan(models, self._state, request)
-            self._pid.integral = plan.integral
-        clipped = list(plan.telemetry.clipped)
-        reach = settings.pressure_rate * cycle.step
-        wanted, desired = plan.reference, self._desired
-        self._desired = (
-            limited(wanted[0], desired[0] - reach, desired[0] + reach),
-            limited(wanted[1], desired[1] - reach, desired[1] + reach),
-        )
-        if self._desired != wanted:
-            clipped.append("pressure_rate")
-        commands, valve_clipped = self._valves(cycle, plan, seen, acts, pressures, measured_at)
-        if valve_clipped:
-            clipped.append("valve")
-        self._pid.integrate(
-            error,
-            cycle.step,
-            gains,
-            missed=plan.missed,
-            limit=setup.integral_limit,
-            # a stiffness out of reach costs no torque, so that the integrator may go on
-            frozen=cycle.sinking is not None
-            or (plan.missed == 0.0 and bool(clipped) and not SATURATED.isdisjoint(clipped)),
-        )
-        self._telemetry = JointTelemetry(
-            seen.reference,
-            self._motion,
-            error,
-            self._desired,
-            tuple(clipped),
-            self.loops[0].behind_tube + self.loops[1].behind_tube,
-            plan.telemetry,
-        )
-        return commands
+        plan, self._state = setup.law.plan(self.models, self._state, request)
+        self._law_telemetry = plan.telemetry
+        self._x[X_REFERENCE_A : X_NEW_INTEGRAL + 1] = [
+            *plan.reference, *plan.rate, *plan.ahead, *plan.velocities, plan.missed, plan.integral,
+        ]  # fmt: skip
+        self._x[X_TORQUE_LIMITED] = float("torque" in plan.telemetry.clipped)
 
-    def _moments(
-        self, cycle: Cycle, measured_at: float, seen_at: float
-    ) -> tuple[Moment, Moment, tuple[Moment, Moment]]:
-        """When the position was seen, when the pressures were true, and when the valves act."""
-        models, sample, name = self.models, cycle.references.sample, self.models.name
-        delay = self._setup.law.delay(self._state)
-        now_at = measured_at - models.pressure_lag - max(-delay, 0.0)
-        seen_at -= models.position_delay
-        seen_at -= max(delay, 0.0)
-        delays, late = self._setup.acting_delays, self.late_commands
-        acts = (cycle.time + delays[0] + late[0], cycle.time + delays[1] + late[1])
-        now = Moment(now_at, sample(name, now_at))
-        seen = now if seen_at == now_at else Moment(seen_at, sample(name, seen_at))
-        first = Moment(acts[0], sample(name, acts[0]))
-        second = first if acts[1] == acts[0] else Moment(acts[1], sample(name, acts[1]))
-        return seen, now, (first, second)
+    def sink(self, share: float | None) -> None:
+        """Plan a joint whose air is let out slowly: a share of the pressures [-]; None: it is not.
 
-    def _sinking(self, share: float | None) -> PressurePlan | None:
-        """The plan of a joint whose air is let out slowly; None for every other joint."""
+        The feedback would hold it up until its pressures no longer suffice, and then drop it.
+        """
         if share is None:
             self._sinking_from = None
-            return None
+            return
         if self._sinking_from is None:
-            self._sinking_from = self._desired
-        (first, second), still = self._sinking_from, (0.0, 0.0)
-        telemetry = self._telemetry.law._replace(clipped=())
-        pressures = (share * first, share * second)
-        return PressurePlan(pressures, still, still, still, 0.0, self._pid.integral, telemetry)
+            self._sinking_from = (float(self._k[K_DESIRED_A]), float(self._k[K_DESIRED_B]))
+        first, second = self._sinking_from
+        self._x[X_REFERENCE_A], self._x[X_REFERENCE_A + 1] = share * first, share * second
+        self._x[X_RATE_A : X_SPEED_B + 1] = [0.0] * (X_SPEED_B + 1 - X_RATE_A)
+        self._x[X_MISSED], self._x[X_NEW_INTEGRAL] = 0.0, self.integral
+        self._x[X_TORQUE_LIMITED] = 0.0
+        self._law_telemetry = self._telemetry.law._replace(clipped=())
 
-    def _valves(
-        self,
-        cycle: Cycle,
-        plan: PressurePlan,
-        seen: Moment,
-        acts: Sequence[Moment],
-        pressures: Pair,
-        measured_at: float,
-    ) -> tuple[Pair, bool]:
-        """Commands of both valves, and whether one of them was limited."""
-        setup, models = self._setup, self.models
-        settings = setup.settings
-        loop_settings = PressureLoopSettings(
-            settings.pressure_gain or 0.0,
-            settings.lead_ratio,
-            settings.spool_limit,
-            setup.adapts,
-            cycle.time + max(setup.acting_delays) - measured_at + models.pressure_lag,
+    def tell(self, x: list[float], k: list[float]) -> None:
+        """Keep the telemetry of a cycle, from the joint's rows."""
+        law = self._law_telemetry
+        if law is None:
+            law = LawTelemetry(
+                x[X_TORQUE],
+                x[X_STIFFNESS],
+                x[X_REACHED_TORQUE],
+                x[X_REACHED_STIFFNESS],
+                x[X_TRUE_STIFFNESS],
+                x[X_DISTURBANCE],
+                _named(x[X_TORQUE_LIMITED], "torque") + _named(x[X_STIFFNESS_LIMITED], "stiffness"),
+            )
+        clipped = law.clipped
+        if k[K_RATE_LIMITED] or k[K_VALVE_LIMITED]:
+            clipped += _named(k[K_RATE_LIMITED], "pressure_rate")
+            clipped += _named(k[K_VALVE_LIMITED], "valve")
+        self._law_telemetry = None
+        self._telemetry = JointTelemetry(
+            JointReference(x[X_SEEN + 1], x[X_SEEN + 2], x[X_SEEN + 3]),
+            Motion(k[K_POSITION], k[K_VELOCITY], k[K_TIME]),
+            k[K_SEEN_ERROR],
+            (k[K_DESIRED_A], k[K_DESIRED_B]),
+            clipped,
+            self.loops[0].behind_tube + self.loops[1].behind_tube,
+            law,
         )
-        position, is_cut = cycle.measurement.positions[models.joint.place], False
-        commands = []
-        for side in (0, 1):
-            ahead = acts[side].reference.position - seen.reference.position
-            demand = PressureDemand(
-                self._desired[side],
-                plan.rate[side],
-                plan.ahead[side],
-                models.model.lengths(position + ahead)[side],
-                -models.joint.arms[side].length * plan.velocities[side],
-            )
-            command, cut = self.loops[side].command(
-                demand, pressures[side], loop_settings, cycle.step
-            )
-            commands.append(command)
-            is_cut = is_cut or cut
-        return (commands[0], commands[1]), is_cut
+
+
+def _named(is_limited: float, name: str) -> tuple[str, ...]:
+    return (name,) if is_limited > 0.0 else ()

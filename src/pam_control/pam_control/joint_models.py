@@ -12,6 +12,7 @@ from pam_control.settings import ControlSettings
 from pam_model.joints.antagonistic_joint import AntagonisticJoint
 from pam_model.robot import Robot, RobotJoint, RobotMuscle
 from pam_model.views.inverse_dynamics import InverseDynamics
+from pam_ros.valve_command import FLOW
 
 Pair = tuple[float, float]
 
@@ -105,10 +106,16 @@ class JointModels:
         return limited(position, low, high)
 
     def acting_delays(self, settings: ControlSettings) -> Pair:
-        """Time from a control cycle until each valve acts, by the rig file [s]."""
+        """Time from a control cycle until each valve acts, by the rig file [s].
+
+        The lag of a flow valve is partly made up for by a lead, that of a regulator is not.
+        """
         soon = settings.command_delay + 0.5 * settings.period
         first, second = (
-            soon + settings.lead_ratio * lag + delay
-            for lag, delay in zip(self.valve_time_constants, self.command_delays, strict=True)
+            soon
+            + (settings.lead_ratio if muscle.valve.kind == FLOW else 1.0)
+            * muscle.valve.follows_after
+            + muscle.valve.command_delay
+            for muscle in self.muscles
         )
         return first, second

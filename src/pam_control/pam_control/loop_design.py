@@ -164,6 +164,7 @@ class LoopDesign:
             velocity_filter=settings.derivative_filter,
             regulated=valves[0].kind == PRESSURE_REGULATOR,
             position_delay=models.position_delay,
+            valve_damping=min(valve.damping for valve in valves),
         )
 
     def designed(self, settings: ControlSettings, one_set: bool = False) -> ControlSettings:

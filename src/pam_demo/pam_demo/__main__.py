@@ -116,6 +116,47 @@ def _declare_robot(parser: Parser) -> None:
     )
 
 
+def _commission(given: Arguments) -> Outcome:
+    from pam_demo.commission.commission import run  # noqa: PLC0415  (scipy, numba)
+    from pam_demo.commission.ros_port_node import open_ros_port  # noqa: PLC0415  (rclpy)
+
+    return run(given, open_ros_port)
+
+
+def _declare_commission(parser: Parser) -> None:
+    add_rig(parser, required=True)
+    parser.add_argument("--out", type=output_folder, required=True, help="folder for the results")
+    parser.add_argument(
+        "--joint", default="", metavar="NAME", help="the joint (default: the first)"
+    )
+    parser.add_argument("--namespace", default="", help="of the robot's nodes (default: none)")
+    parser.add_argument(
+        "--rate",
+        type=number("Hz", least=50.0, most=1000.0),
+        default=250.0,
+        metavar="HZ",
+        help="rate of the commands [Hz] (default: %(default)g)",
+    )
+    for option, usual, text in (
+        ("--tolerance", 1.0 / 3.0, "how far a plain number of the rig file may be off, relative"),
+        ("--length-tolerance", 0.05, "the same for lengths, turns and the supply pressure"),
+    ):
+        parser.add_argument(
+            option,
+            type=number("", least=0.0, most=0.5),
+            default=usual,
+            metavar="SHARE",
+            help=f"{text} (default: {usual:.2g})",
+        )
+    parser.add_argument(
+        "--simulate",
+        type=input_file,
+        metavar="FILE",
+        help="commission a simulated robot, which has the numbers of this rig file",
+    )
+    parser.add_argument("--yes", action="store_true", help="do not ask before every step")
+
+
 def _add_separate(parser: Parser) -> None:
     parser.add_argument(
         "--separate",
@@ -158,6 +199,17 @@ COMMANDS = (
         _close_loop,
         bad_news="if a motion is not followed more closely than before",
         examples=("pam demo close-loop --hide valve_dead_zone.overlap=0.1",),
+    ),
+    Command(
+        "commission",
+        "find the numbers of a running robot with a rough rig file, in safe steps, until it tracks",
+        _declare_commission,
+        _commission,
+        bad_news="if it was ended before the joint tracks",
+        examples=(
+            "pam demo commission --rig rough.yaml --out out/commission",
+            "pam demo commission --rig rough.yaml --simulate config/elbow.yaml --yes --out OUT",
+        ),
     ),
     Command(
         "robot",

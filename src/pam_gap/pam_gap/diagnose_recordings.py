@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 
 from pam_gap.answer.diagnosis import Diagnosis
 from pam_gap.answer.sentences import verdict_sentence
@@ -195,14 +196,16 @@ def diagnose_joint(
         second = engine_for(as_measured(rig, rules.search))
         engine, diagnosis = _likelier(engine, diagnosis, second, second.run())
     used = [data.recording for data in engine.problem.data]
-    diagnosis.repairs = tuple(f"{r.source.name}: {text}" for r in used for text in r.repairs)
-    diagnosis.left_out = tuple(
-        dict.fromkeys(
-            note for r in used for note in what_is_missing(rig, number, r, rules.recording)
-        )
+    diagnosis = replace(
+        diagnosis,
+        repairs=tuple(f"{r.source.name}: {text}" for r in used for text in r.repairs),
+        left_out=tuple(
+            dict.fromkeys(
+                note for r in used for note in what_is_missing(rig, number, r, rules.recording)
+            )
+        ),
     )
-    diagnosis.sentence = verdict_sentence(diagnosis)
-    return engine, diagnosis
+    return engine, replace(diagnosis, sentence=verdict_sentence(diagnosis))
 
 
 def _likelier(
@@ -219,10 +222,12 @@ def _likelier(
     share = probability_of_lengths(tight.judge, loose.answer, loose.lengths, tight.answer)
     if share > 0.5:
         return loose, answer
-    other.probabilities = shared_probabilities(other.probabilities, answer.probabilities, share)
     assumed = tight.rig.length_tolerance or 0.0
-    other.cautions = (*other.cautions, loose.lengths.rival_caution(assumed))
-    return tight, other
+    return tight, replace(
+        other,
+        probabilities=shared_probabilities(other.probabilities, answer.probabilities, share),
+        cautions=(*other.cautions, loose.lengths.rival_caution(assumed)),
+    )
 
 
 def what_is_missing(

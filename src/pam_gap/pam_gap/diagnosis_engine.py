@@ -11,12 +11,13 @@ import numpy as np
 
 from pam_gap.answer.diagnosis import Diagnosis
 from pam_gap.answer.sentences import SizesAtTheEnd, rivals_at_the_end, sizes_at_the_end
-from pam_gap.answer.write_answer import AnswerForm, advice
+from pam_gap.answer.write_answer import AnswerForm, advice, not_identifiable
 from pam_gap.experiments.next_experiment import Proposal, propose
 from pam_gap.inference.candidates import Candidate, applicable, candidates_for
 from pam_gap.inference.clean_rig import is_clean
+from pam_gap.inference.decide import Verdict, close_calls, decide, judge_of
 from pam_gap.inference.decision import Decision, Judge
-from pam_gap.inference.evidence import KeptEvidence
+from pam_gap.inference.evidence import Evidence
 from pam_gap.inference.excitation import not_shown
 from pam_gap.inference.held_out import (
     Folds,
@@ -29,7 +30,6 @@ from pam_gap.inference.held_out import (
 from pam_gap.inference.hypothesis import FitTask, Hypothesis, HypothesisFitter
 from pam_gap.inference.improved_fit import improved_fit
 from pam_gap.inference.loose_lengths import LooseLengths, loose_lengths
-from pam_gap.inference.probabilities import agreed
 from pam_gap.inference.search import Progress, Search, SearchResult, level, silent
 from pam_gap.inference.search_growth import GrowthStep, grows
 from pam_gap.inference.unknown_test import explain_leftover
@@ -39,7 +39,7 @@ from pam_gap.prediction.channel_order import BOTH_FORCES, POSITION
 from pam_gap.prediction.fit import FitResult
 from pam_gap.prediction.gap_figures import noise_level
 from pam_gap.prediction.identifiable import cautions, small_motion, what_is_missing
-from pam_gap.prediction.locate import locate
+from pam_gap.prediction.locate import Location, locate
 from pam_gap.prediction.materiality import squared_motion
 from pam_gap.prediction.problem import PredictionProblem
 from pam_gap.recordings.recording import LOCKED, SHUT, Recording
@@ -99,7 +99,7 @@ class JointDiagnosis:
         self.judge = Judge(self.floor, self.present, rules.decision, self.motion)
         self.causes: frozenset[str] = frozenset()
         self.growth: list[tuple[GrowthStep, bool]] = []
-        self.evidence: KeptEvidence | None = None
+        self.evidence: Evidence[HeldOut] | None = None
         self.answer: HeldOut | None = None
         self.lengths: LooseLengths | None = None
 
@@ -295,10 +295,7 @@ class JointDiagnosis:
         location = None
         if self.present.any() and self.problem.counted.any():
             location = locate(self.problem, base, self.problem.errors(base[None])[0])
-        form = AnswerForm(self.fitter, self.folds, self.judge)
-        diagnosis = form.not_identifiable(missing, self.written(), location)
-        diagnosis.next_experiment = advice(diagnosis.verdict, None, self.present)
-        return diagnosis
+        return not_identifiable(self.fitter, missing, self.written(), location)
 
     def proposal(
         self, decision: Decision[HeldOut], survivors: Sequence[Hypothesis]
@@ -312,19 +309,17 @@ class JointDiagnosis:
             survivors = [s.hypothesis for s in ranked[: self.rules.experiment.closest]]
         return propose(self.fitter, survivors)
 
-    def _cautions(
-        self, decision: Decision[HeldOut], nominal: HeldOut, *, has_improved: bool
-    ) -> tuple[str, ...]:
+    def _cautions(self, verdict: Verdict[HeldOut], evidence: Evidence[HeldOut]) -> tuple[str, ...]:
         """What makes the answer less certain than it looks, in full sentences."""
         found = cautions(self.problem)
-        told = decision.chosen if decision.is_named else None
+        told = verdict.named
         if told is None:
             found += small_motion(self.problem)
         else:
-            if not has_improved:
+            if evidence.improved is None:
                 found += (NOT_IMPROVED,)
             found += sizes_at_the_end(told.hypothesis.at_the_end)
-            found += rivals_at_the_end(self._cut_off(decision, nominal, told))
+            found += rivals_at_the_end(self._cut_off(verdict.decision, evidence.nominal, told))
         return found if self.lengths is None else (*found, self.lengths.caution)
 
     def _cut_off(
@@ -351,58 +346,75 @@ class JointDiagnosis:
         missing = what_is_missing(self.problem)
         if missing:
             return self.not_identifiable(missing)
-        result = self.search()
+        evidence, location = self.evidence_of(self.search())
+        verdict = decide(evidence, self.rules)
+        self.judge = verdict.judge
+        self.progress("gap figures", 0.96)
+        named = verdict.named
+        if named is not None:
+            improved = improved_fit(
+                self.fitter, self.folds, named, self.candidates(), evidence.written
+            )
+            evidence = replace(evidence, improved=improved, improved_for=named.label)
+        self.evidence = evidence
+        self.answer = evidence.nominal if named is None else named
+        self.lengths = loose_lengths(self.fitter, self.answer.hypothesis)
+        diagnosis = AnswerForm(self.fitter, self.folds, evidence, verdict).fill(location)
+        proposal = self.proposal(verdict.decision, diagnosis.survivors)
+        self.progress("done", 1.0)
+        return replace(
+            diagnosis,
+            proposal=proposal,
+            next_experiment=advice(diagnosis.verdict, proposal, self.present),
+            facts=self._facts(verdict, evidence.nominal, started),
+            cautions=self._cautions(verdict, evidence),
+            not_shown=not_shown(self.problem, self.candidates(), self.floor),
+        )
+
+    def evidence_of(self, result: SearchResult) -> tuple[Evidence[HeldOut], Location]:
+        """All that the verdict depends on, with completed fits, and where the gap arises."""
         self.progress("held-out scores", 0.86)
         written = self.written()
-        hypotheses = [result.nominal, *self.finalists(result)]
-        nominal, *tried = scores = self.scores(hypotheses)
+        nominal, *found = scores = self.scores([result.nominal, *self.finalists(result)])
         unlisted = self.unlisted_scores(scores, result.nominal, result.by_size[0])
-        tried = [score.with_causes(self.causes) for score in tried]
-        self.progress("verdict", 0.93)
-        settled: dict[int, HeldOut] = {}
-
-        def settle(score: HeldOut) -> HeldOut:
-            place = next(k for k, one in enumerate(tried) if one is score)
-            settled[place] = self.settled(score).with_causes(self.causes)
-            return settled[place]
-
-        decision = self.judge.decide(nominal, tried, settle, unlisted)
-        decision = agreed(self.judge, nominal, decision)
         retuned = nominal.hypothesis
-        nominal_vector = self.fitter.vector((), retuned.result.values)
-        errors = self.fitter.simulated_errors(retuned)
-        location = locate(self.problem, nominal_vector, errors)
-        singles = tuple(h.effects[0] for h in result.by_size[0])
-        self.progress("gap figures", 0.96)
-        form = AnswerForm(self.fitter, self.folds, self.judge)
-        shown = None
-        if decision.is_named and decision.chosen is not None:
-            shown = improved_fit(
-                self.fitter, self.folds, decision.chosen, self.candidates(), written
-            )
-        label = decision.chosen.label if decision.is_named and decision.chosen else ""
-        self.evidence = KeptEvidence(
-            self.floor, self.judge.background, self.present, written, nominal, tuple(tried),
-            settled, singles, location.stages, tuple(self.growth), self.motion,
-            shown, label, tuple(unlisted),
-        )  # fmt: skip
-        diagnosis = form.fill(decision, singles, written, nominal, location, shown)
-        diagnosis.proposal = self.proposal(decision, diagnosis.survivors)
-        diagnosis.next_experiment = advice(decision.verdict, diagnosis.proposal, self.present)
-        facts = dict(diagnosis.facts)
-        if decision.chosen is not None:
-            errors = decision.chosen.hypothesis.result.errors
-            leftover = explain_leftover(self.problem, self.folds, errors)
+        vector = self.fitter.vector((), retuned.result.values)
+        location = locate(self.problem, vector, self.fitter.simulated_errors(retuned))
+        evidence = Evidence(
+            floor=self.floor,
+            background=self.judge.background,
+            present=self.present,
+            motion=self.motion,
+            written=written,
+            nominal=nominal,
+            tried=tuple(score.with_causes(self.causes) for score in found),
+            singles=tuple(h.effects[0] for h in result.by_size[0]),
+            stages=location.stages,
+            growth=tuple(self.growth),
+            unlisted=tuple(unlisted),
+        )
+        self.progress("verdict", 0.93)
+        self.judge = judge_of(evidence, self.rules)
+        settled = {
+            k: self.settled(evidence.tried[k]).with_causes(self.causes)
+            for k in close_calls(evidence, self.judge)
+        }
+        return replace(evidence, settled=settled), location
+
+    def _facts(
+        self, verdict: Verdict[HeldOut], nominal: HeldOut, started: float
+    ) -> dict[str, float]:
+        """Figures about the diagnosis itself, for diagnosis.json."""
+        chosen = verdict.decision.chosen
+        told = verdict.named or nominal
+        facts = {
+            "level_before": self.judge.level(nominal),
+            "level_after": self.judge.level(told),
+        }
+        if chosen is not None:
+            leftover = explain_leftover(self.problem, self.folds, chosen.hypothesis.result.errors)
             facts["leftover_explained"] = float(leftover.explained[self.present].max())
-        facts |= {
+        return facts | {
             "seconds": time.monotonic() - started,
             "simulations": self.problem.simulations,
         }
-        diagnosis.facts = facts
-        told = decision.chosen if decision.is_named else None
-        self.answer = nominal if told is None else told
-        self.lengths = loose_lengths(self.fitter, self.answer.hypothesis)
-        diagnosis.cautions = self._cautions(decision, nominal, has_improved=shown is not None)
-        diagnosis.not_shown = not_shown(self.problem, self.candidates(), self.floor)
-        self.progress("done", 1.0)
-        return diagnosis

@@ -184,7 +184,7 @@ def diagnose_files(
                 rig, number, read, threads=threads, progress=joint_progress(bar, name),
                 rules=rules, with_experiment=not answer_only,
             )  # fmt: skip
-        diagnosis.provenance = origin
+        diagnosis = replace(diagnosis, provenance=origin)
         improved_name = ""
         for made, file in ((diagnosis.improved, IMPROVED_RIG), (diagnosis.retuned, RETUNED_RIG)):
             if made is not None:

@@ -17,6 +17,9 @@ the wall in such a time: compressed gas with the exponent k and the time constan
 A fit over the last seconds of work finds the nine. The command of the valve is computed with the
 first eight, and the feedforward looks ahead by d as well.
 
+What happens in every control cycle are functions of rows (`feedback.loop_rows`), which the compiled
+pressure loops call; `FlowAdaptation` has the fit, which is due every 20 ms.
+
 Both sides pass the same slow filter, so that neither a pressure nor a flow is differentiated. Where
 the sensor is found to be before a tube (`TubeSearch`), the loss in it is subtracted from what it
 shows.
@@ -28,13 +31,32 @@ chamber). The form of the fit is derived here.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
 from pam_control.adaptation.recursive_fit import RecursiveFit, Suspect
 from pam_control.adaptation.tube_search import TubeSearch
+from pam_control.feedback.loop_rows import (
+    N_FULL,
+    N_PER_PRESSURE,
+    N_PER_SQUARE,
+    N_SMOOTH,
+    N_WEIGHTS,
+    V_BEGUN,
+    V_DELAY,
+    V_FOUND_DELAY,
+    V_LATE,
+    V_MOVED,
+    V_PER_RATE,
+    V_SINCE,
+    V_SMOOTH,
+    V_TAKEN,
+    V_TRUE,
+    V_TUBE,
+    V_WARM,
+    V_WEIGHTS,
+)
 from pam_control.limited import limited
 
 FILTER: Final = 0.06  # s
@@ -60,12 +82,75 @@ LEARNT_EDGE: Final = 0.03  # h, of the full flow
 USED_EDGE: Final = 0.01  # the same for the command: an overlap is not filled within it, for calm
 
 
-@dataclass(slots=True)
-class FlowSample:
-    """One control cycle of a valve.
+def droop_of(v: Any) -> float:
+    """Share of the flow that the supply lacks now [-]."""
+    return float(min(v[V_WEIGHTS + 5] * v[V_TAKEN], MOST_DROOP))
 
-    Attributes
+
+def least_share(v: Any) -> float:
+    """Flow over promised flow in the worse direction, at most 1 [-]."""
+    a, b = v[V_WEIGHTS], v[V_WEIGHTS + 1]
+    return float(max(1.0 + min(a - droop_of(v), b, 0.0), LEAST_SHARE))
+
+
+def corrected_flow(
+    n: Any, v: Any, flow: float, moved: float, capacity: float, pressure: float
+) -> float:
+    """The flow to ask the valve's data for, so that the valve gives `flow` [kg/s].
+
+    Parameters
     ----------
+    n, v : rows
+        Numbers and state of the loop.
+    flow : float
+        Wanted [kg/s].
+    moved : float
+        The part of it that the motion of the muscle takes [kg/s].
+    capacity : float
+        Full flow in its direction [kg/s].
+    pressure : float
+        In the muscle [Pa absolute].
+    """
+    w = V_WEIGHTS
+    left = flow - v[w + 2] * capacity - v[w + 3] * moved - v[w + 7] * v[V_WARM]
+    left += v[w + 6] * n[N_PER_PRESSURE] * pressure
+    left -= v[w + 4] * capacity * limited(left / (USED_EDGE * capacity), -1.0, 1.0)
+    path = v[w] - droop_of(v) if left > 0.0 else v[w + 1]
+    return float(left / max(1.0 + path, LEAST_SHARE))
+
+
+def unit_loss(n: Any, flow: float, pressure: float) -> float:
+    """Loss of a tube with q = 1 [Pa], at a flow [kg/s] and a pressure [Pa absolute]."""
+    return float(n[N_PER_SQUARE] * flow * abs(flow) / pressure)
+
+
+def forget_weights(v: Any) -> None:
+    """Use nothing that was learnt of the flows; the fit has to forget it as well."""
+    for place in range(N_WEIGHTS):
+        v[V_WEIGHTS + place] = 0.0
+    v[V_DELAY] = v[V_FOUND_DELAY] = 0.0
+
+
+def take_flow(
+    n: Any,
+    v: Any,
+    step: float,
+    promised: float,
+    capacity: float,
+    pressure: float,
+    lost: float,
+    per_rate: float,
+    moved: float,
+    delay: float,
+) -> None:
+    """Take one control cycle of a valve.
+
+    Parameters
+    ----------
+    n, v : rows
+        Numbers and state of the loop.
+    step : float
+        Time since the last one [s].
     promised : float
         Flow of the command by the valve's data, without leaks [kg/s].
     capacity : float
@@ -81,25 +166,44 @@ class FlowSample:
     delay : float
         From the measurement until the command acts [s].
     """
-
-    promised: float
-    capacity: float
-    pressure: float
-    lost: float
-    per_rate: float
-    moved: float
-    delay: float
+    if step <= 0.0:
+        return
+    share = step / (max(delay, 0.0) + step)
+    v[V_LATE] += share * (promised - v[V_LATE])
+    v[V_MOVED] += share * (moved - v[V_MOVED])
+    u, c = v[V_LATE], capacity
+    up, down = (u, 0.0) if u > 0.0 else (0.0, u)
+    v[V_TAKEN] += step / LATELY * (up / n[N_FULL] - v[V_TAKEN])
+    v[V_WARM] += step / (WALL + step) * (u - v[V_MOVED] - v[V_WARM])
+    v[V_TRUE], v[V_PER_RATE] = pressure - lost, per_rate
+    overlap = c * limited(u / (LEARNT_EDGE * c), -1.0, 1.0)
+    raw = (
+        v[V_TRUE], pressure, unit_loss(n, u, pressure), up, down, c, v[V_MOVED],
+        overlap, -up * v[V_TAKEN], -n[N_PER_PRESSURE] * pressure, v[V_WARM],
+    )  # fmt: skip
+    weight = step / (FILTER + step) if v[V_BEGUN] > 0.0 else 1.0
+    v[V_BEGUN] = 1.0
+    for place in range(N_SMOOTH):
+        smooth = v[V_SMOOTH + place]
+        v[V_SMOOTH + place] = (
+            smooth + weight * (raw[place] - smooth) if weight < 1.0 else raw[place]
+        )
+    v[V_SINCE] += step
+    wanted = min(v[V_FOUND_DELAY], LONGEST_DELAY)
+    wanted = wanted if wanted > LEAST_DELAY else 0.0
+    reach = DELAY_RATE * step
+    v[V_DELAY] += limited(wanted - v[V_DELAY], -reach, reach)
 
 
 class FlowAdaptation:
-    """Learns and corrects the flow of one valve.
+    """Learns the flow of one valve.
 
     Parameters
     ----------
-    full_flow : float
-        Of the open valve from the supply [kg/s].
+    n, v : rows
+        Numbers and state of the loop; they stay those of the loop.
     supply : float
-        Its pressure [Pa absolute].
+        Pressure of the supply [Pa absolute].
     turn : float, optional
         Part of the time between two updates after which the first one is due, so that several
         valves do not compute theirs in one control cycle [-].
@@ -108,126 +212,77 @@ class FlowAdaptation:
 
     Attributes
     ----------
-    delay : float
-        Delay or lag of the commands beside what the rig file tells [s].
     tube : TubeSearch
         Whether the sensor is before a tube.
     """
 
-    def __init__(
-        self, full_flow: float, supply: float, turn: float = 0.0, tube: float = 0.0
-    ) -> None:
-        self._full, self._per_pressure, self._turn = full_flow, full_flow / supply, turn
+    def __init__(self, n: Any, v: Any, supply: float, turn: float = 0.0, tube: float = 0.0) -> None:
+        self._full, self._turn, self._v = float(n[N_FULL]), turn, v
         self._fit = RecursiveFit(DEVIATIONS, NOISE, TRIFLE, LATE, LEAK)
-        self.tube = TubeSearch(full_flow, supply, tube)
+        self.tube = TubeSearch(self._full, supply, tube)
+        n[N_PER_PRESSURE], n[N_PER_SQUARE] = self._full / supply, self.tube.per_square
         self.forget()
         self.restart()
 
     def forget(self) -> None:
         """Nothing is known."""
         self.tube.forget()
+        self._v[V_TUBE] = self.tube.share
         self.forget_flows()
 
     def forget_flows(self) -> None:
         """Nothing is known but the tube."""
         self._fit.forget()
         self._bound()
-        self.delay = 0.0
+        self._v[V_DELAY] = 0.0
 
     def restart(self) -> None:
         """Begin anew with the filters; what was learnt is kept."""
         self.tube.restart()
-        self._smooth: list[float] = []
-        self._late = self._moved = self._taken = self._warm = 0.0
-        self._since = -self._turn * EVERY
+        for place in (V_LATE, V_MOVED, V_TAKEN, V_WARM, V_BEGUN):
+            self._v[place] = 0.0
+        self._v[V_SINCE] = -self._turn * EVERY
 
     @property
     def weights(self) -> list[float]:
         """a, b, o, e, z, s, l, t and d [s] within their bounds."""
-        return self._weights
+        return [float(self._v[V_WEIGHTS + place]) for place in range(N_WEIGHTS)]
+
+    @property
+    def delay(self) -> float:
+        """Delay or lag of the commands beside what the rig file tells [s]."""
+        return float(self._v[V_DELAY])
 
     def _bound(self) -> None:
-        self._weights = [
-            max(low, min(high, weight))
-            for low, high, weight in zip(LOWEST, HIGHEST, self._fit.weights, strict=True)
-        ]
+        self._v[V_FOUND_DELAY] = self._fit.weights[-1]
+        bounds = zip(LOWEST, HIGHEST, self._fit.weights, strict=True)
+        for place, (low, high, weight) in enumerate(bounds):
+            self._v[V_WEIGHTS + place] = max(low, min(high, weight))
 
     @property
     def opened(self) -> tuple[float, float]:
         """Opening that nobody commanded [-], and half of its interval of 90 %."""
-        return self._weights[OPENED], QUANTILE * self._fit.deviation(OPENED)
+        opened = float(self._v[V_WEIGHTS + OPENED])
+        return opened, QUANTILE * self._fit.deviation(OPENED)
 
-    @property
-    def least_share(self) -> float:
-        """Flow over promised flow in the worse direction, at most 1 [-]."""
-        a, b, *_ = self._weights
-        return max(1.0 + min(a - self._droop, b, 0.0), LEAST_SHARE)
-
-    @property
-    def _droop(self) -> float:
-        """Share of the flow that the supply lacks now [-]."""
-        return min(self._weights[5] * self._taken, MOST_DROOP)
-
-    def corrected(self, flow: float, moved: float, capacity: float, pressure: float) -> float:
-        """The flow to ask the valve's data for, so that the valve gives `flow` [kg/s].
-
-        Parameters
-        ----------
-        flow : float
-            Wanted [kg/s].
-        moved : float
-            The part of it that the motion of the muscle takes [kg/s].
-        capacity : float
-            Full flow in its direction [kg/s].
-        pressure : float
-            In the muscle [Pa absolute].
-        """
-        a, b, o, e, z, _, leak, wall, _ = self._weights
-        left = flow - o * capacity - e * moved - wall * self._warm
-        left += leak * self._per_pressure * pressure
-        left -= z * capacity * limited(left / (USED_EDGE * capacity), -1.0, 1.0)
-        return left / max(1.0 + (a - self._droop if left > 0.0 else b), LEAST_SHARE)
-
-    def learn(self, step: float, sample: FlowSample) -> None:
-        """Take a sample, `step` [s] after the last one."""
-        if step <= 0.0:
-            return
-        share = step / (max(sample.delay, 0.0) + step)
-        self._late += share * (sample.promised - self._late)
-        self._moved += share * (sample.moved - self._moved)
-        u, c = self._late, sample.capacity
-        overlap = c * limited(u / (LEARNT_EDGE * c), -1.0, 1.0)
-        up, down = (u, 0.0) if u > 0.0 else (0.0, u)
-        self._taken += step / LATELY * (up / self._full - self._taken)
-        drooped = -up * self._taken
-        self._warm += step / (WALL + step) * (u - self._moved - self._warm)
-        leaking = -self._per_pressure * sample.pressure
-        still = (overlap, drooped, leaking, self._warm)
-        inside = sample.pressure - sample.lost
-        lost = self.tube.unit_loss(u, sample.pressure)
-        raw = (inside, sample.pressure, lost, up, down, c, self._moved, *still)
-        weight = step / (FILTER + step)
-        # without `strict`, which would take as long as the rest
-        pairs = zip(self._smooth or raw, raw)  # noqa: B905
-        self._smooth = [smooth + weight * (now - smooth) for smooth, now in pairs]
-        self._since += step
-        wanted = min(self._fit.weights[-1], LONGEST_DELAY)
-        wanted = wanted if wanted > LEAST_DELAY else 0.0
-        reach = DELAY_RATE * step
-        self.delay += limited(wanted - self.delay, -reach, reach)
-        if self._since < EVERY:
-            return
-        slow, shown, lost, up, down, _, moved = self._smooth[:7]
-        per_rate = sample.per_rate
+    def update(self) -> None:
+        """Learn from the filtered samples; due when `V_SINCE` has reached `EVERY`."""
+        v = self._v
+        smooth = [float(v[V_SMOOTH + place]) for place in range(N_SMOOTH)]
+        slow, shown, lost, up, down, _, moved = smooth[:7]
+        per_rate, since = float(v[V_PER_RATE]), float(v[V_SINCE])
         known = self.tube.share > 0.0
         rates = (up / per_rate, down / per_rate, moved / per_rate)
         works = up - down > LEAST_WORK * self._full
-        self.tube.update(self._since, shown, rates, lost, works)
+        self.tube.update(since, shown, rates, lost, works)
+        v[V_TUBE] = self.tube.share
         if known != (self.tube.share > 0.0):
             self.forget_flows()  # they were seen through another sensor, as it were
         elif works:
-            seen = per_rate * (inside - slow) / FILTER + moved
-            functions = np.array((*self._smooth[3:], (up + down - u) / FILTER)) / self._full
-            self._fit.update(functions, (seen - up - down) / self._full, self._since)
+            seen = per_rate * (float(v[V_TRUE]) - slow) / FILTER + moved
+            functions = (
+                np.array((*smooth[3:], (up + down - float(v[V_LATE])) / FILTER)) / self._full
+            )
+            self._fit.update(functions, (seen - up - down) / self._full, since)
             self._bound()
-        self._since = 0.0
+        v[V_SINCE] = 0.0

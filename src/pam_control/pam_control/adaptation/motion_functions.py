@@ -16,7 +16,7 @@ Transactions on Automatic Control 50 (2005) 1883-1887.
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Any, Final
 
 SLIP_LENGTHS: Final = (0.0015, 0.006, 0.025, 0.1)  # rad
 CREEP_TIMES: Final = (0.15, 1.5)  # s
@@ -24,33 +24,39 @@ DEVIATIONS: Final = (0.03, 0.1, 0.1, 0.01, 1e-3, *(0.022,) * 6)
 """What is usual for the weight of each function, per torque that the muscles can give at most."""
 
 
-class MotionMemory:
-    """Slip and creep elements along one motion, measured or planned."""
+N_SLIPS: Final = len(SLIP_LENGTHS)
+N_ELEMENTS: Final = N_SLIPS + len(CREEP_TIMES)
+N_MEMORY: Final = 1 + N_ELEMENTS
+"""Numbers of a memory: the last position [rad], slip elements, relaxed positions [rad]."""
 
-    def __init__(self) -> None:
-        self.reset()
 
-    def reset(self) -> None:
-        """Begin without friction and relaxed."""
-        self._position = math.nan
-        self._slips = [0.0] * len(SLIP_LENGTHS)
-        self._relaxed = [0.0] * len(CREEP_TIMES)
+def begin_memory(row: Any, at: int) -> None:
+    """Begin without friction and relaxed; the memory is in a row from a place on."""
+    row[at] = math.nan
+    for place in range(N_SLIPS):
+        row[at + 1 + place] = 0.0
 
-    def advance(self, position: float, step: float) -> list[float]:
-        """Move to a position [rad] within a time [s]; return the values of all elements."""
-        if math.isnan(self._position):
-            self._position = position
-            self._relaxed = [position] * len(CREEP_TIMES)
-        moved = position - self._position
-        self._position = position
-        if moved != 0.0:
-            sign, back = math.copysign(1.0, moved), -abs(moved)
-            self._slips = [
-                sign - (sign - z) * math.exp(back / length)
-                for z, length in zip(self._slips, SLIP_LENGTHS)  # noqa: B905  (half the time)
-            ]
-        self._relaxed = [
-            relaxed + step / (time + step) * (position - relaxed)
-            for relaxed, time in zip(self._relaxed, CREEP_TIMES)  # noqa: B905
-        ]
-        return self._slips + [position - relaxed for relaxed in self._relaxed]
+
+def move_memory(row: Any, at: int, position: float, step: float) -> None:
+    """Move to a position [rad] within a time [s]."""
+    if math.isnan(row[at]):
+        row[at] = position
+        for place in range(len(CREEP_TIMES)):
+            row[at + 1 + N_SLIPS + place] = position
+    moved = position - row[at]
+    row[at] = position
+    if moved != 0.0:
+        sign, back = math.copysign(1.0, moved), -abs(moved)
+        for place in range(N_SLIPS):
+            z = row[at + 1 + place]
+            row[at + 1 + place] = sign - (sign - z) * math.exp(back / SLIP_LENGTHS[place])
+    for place in range(len(CREEP_TIMES)):
+        relaxed = row[at + 1 + N_SLIPS + place]
+        row[at + 1 + N_SLIPS + place] += step / (CREEP_TIMES[place] + step) * (position - relaxed)
+
+
+def element(row: Any, at: int, number: int) -> float:
+    """Value of an element: slip [-], or position minus its relaxed one [rad]."""
+    if number < N_SLIPS:
+        return float(row[at + 1 + number])
+    return float(row[at] - row[at + 1 + number])

@@ -27,7 +27,7 @@ from typing import Final
 
 import numpy as np
 
-from pam_control.adaptation.motion_functions import MotionMemory
+from pam_control.adaptation.motion_functions import N_MEMORY, begin_memory, element, move_memory
 from pam_control.adaptation.recursive_fit import CORRELATED, Array
 from pam_control.adaptation.rig_numbers import (
     DRY_FRICTION,
@@ -96,6 +96,11 @@ class StiffnessEstimate:
         Torque that the muscles can give at most [N m].
     turn : float, optional
         As for `TorqueAdaptation` [-].
+
+    Attributes
+    ----------
+    since : float
+        Time since the last update; the next one is due at `EVERY` [s].
     """
 
     def __init__(
@@ -107,7 +112,10 @@ class StiffnessEstimate:
         largest: float,
         turn: float = 0.0,
     ) -> None:
-        self._rig, self._joint, self._written, self._turn = rig, joint, model, turn
+        # of one joint alone, because the models with changed numbers are built in a control cycle
+        muscles = tuple(rig.muscle(name) for name in joint.muscles)
+        self._rig = replace(rig, joints=(joint,), muscles=muscles)
+        self._joint, self._written, self._turn = joint, model, turn
         self._dynamics, self._largest = dynamics, largest
         self._numbers = [(joint.name, "pulley_radius")] + [
             (name, key)
@@ -118,7 +126,7 @@ class StiffnessEstimate:
         deviation = rig.parameter_tolerance / math.sqrt(3.0)
         size = len(self._numbers) + 3  # with inertia, friction and gravity
         self._prior = np.eye(size) / max(deviation, 1e-6) ** 2
-        self._slip = MotionMemory()
+        self._slip = [0.0] * N_MEMORY
         self.forget()
         self.restart()
 
@@ -136,8 +144,8 @@ class StiffnessEstimate:
     def restart(self) -> None:
         """Begin the filters anew; what was learnt is kept."""
         self._filtered: tuple[Array, Array, Array] | None = None
-        self._slip.reset()
-        self._since, self._settling = -self._turn * EVERY, SETTLING
+        begin_memory(self._slip, 0)
+        self.since, self._settling = -self._turn * EVERY, SETTLING
 
     @property
     def explains(self) -> bool:
@@ -166,18 +174,19 @@ class StiffnessEstimate:
             Torque beside that of the muscles' force, inertia, damping and gravity, which the rig
             file tells, such as friction [N m].
         """
-        self._since += max(step, 0.0)
-        if self._since < EVERY or not all(map(math.isfinite, (*pressures, position))):
+        self.since += max(step, 0.0)
+        if self.since < EVERY or not all(map(math.isfinite, (*pressures, position))):
             return
         if self._coming is not None:
             self._build_next()
-        elapsed, self._since = self._since, 0.0
+        elapsed, self.since = self.since, 0.0
         torque = self._model.torque(*pressures, position)
         parts = np.array([each.torque(*pressures, position) - torque for each in self._changed])
         parts /= DIFFERENCE
         # as if the model were that of the rig file, so that the changes are counted from it
         torque += known - float(parts @ self._about)
-        dry = self._slip.advance(position, elapsed)[0]
+        move_memory(self._slip, 0, position, elapsed)
+        dry = element(self._slip, 0, 0)
         raw = np.array([torque, *parts, dry, self._dynamics.gravity(position), position])
         if self._filtered is None or elapsed > LONGEST_STEP:
             self._filtered, self._settling = (raw, raw, raw), SETTLING

@@ -29,16 +29,43 @@ of the delay is derived here.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from operator import mul
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
 from pam_control.adaptation.averaged_fit import AveragedFit, Rival
-from pam_control.adaptation.motion_functions import DEVIATIONS, SLIP_LENGTHS, MotionMemory
+from pam_control.adaptation.motion_functions import (
+    DEVIATIONS,
+    N_ELEMENTS,
+    SLIP_LENGTHS,
+    begin_memory,
+    element,
+    move_memory,
+)
+from pam_control.laws.plan_rows import (
+    A_BEFORE,
+    A_BEGUN,
+    A_DELAY,
+    A_FRICTION,
+    A_KNOWS,
+    A_MEASURED,
+    A_ONCE,
+    A_PLANNED,
+    A_RAW,
+    A_SINCE,
+    A_SMOOTH,
+    A_SPEED_BEFORE,
+    A_SPEED_ONCE,
+    A_SPEED_TWICE,
+    A_TWICE,
+    A_WANTED_DELAY,
+    A_WEIGHTS,
+    N_FUNCTIONS,
+    N_SAMPLE,
+    Y_PLANNED_AT,
+    Y_REFERENCE,
+)
 from pam_control.limited import limited
-from pam_control.references.spline import JointReference
 
 FILTER: Final = 0.03  # s, T
 EVERY: Final = 0.01  # s between two updates of the fit
@@ -68,12 +95,18 @@ SLOW_FUNCTIONS: Final = 3  # 1, q and q^3: what the integral of the feedback car
 DRY: Final = 0.02  # rad; longer slip elements are hysteresis, by which a joint does not stick
 
 
-@dataclass(slots=True)
-class TorqueSample:
-    """One control cycle of a joint.
+def take_torque(
+    row: Any, step: float, unexplained: float, rate: float, position: float, speed: float,
+    speed_filter: float,
+) -> bool:  # fmt: skip
+    """Take one control cycle of a joint; return whether the fit is due.
 
-    Attributes
+    Parameters
     ----------
+    row : row
+        What is learnt of the joint (`plan_rows`).
+    step : float
+        Time since the last sample [s]; 0 if there is no new one.
     unexplained : float
         Torque of the muscles without that of the model; inertia and damping are not yet
         subtracted [N m].
@@ -84,19 +117,76 @@ class TorqueSample:
     speed_filter : float
         Time constant of that filter [s].
     """
+    if step <= 0.0:
+        return False
+    move_memory(row, A_MEASURED, position, step)
+    first = row[A_BEGUN] == 0.0
+    if first:
+        row[A_BEGUN] = 1.0
+        row[A_SPEED_ONCE] = row[A_SPEED_TWICE] = speed
+    own, weight = step / (speed_filter + step), step / (FILTER + step)
+    for place in range(N_SAMPLE):
+        if place == 0:
+            raw = unexplained
+        elif place < 4:
+            raw = 1.0 if place == 1 else position if place == 2 else position**3
+        elif place < 4 + N_ELEMENTS:
+            raw = element(row, A_MEASURED, place - 4)
+        else:
+            raw = rate
+        if first:
+            row[A_RAW + place] = row[A_SMOOTH + place] = raw
+            row[A_ONCE + place] = row[A_TWICE + place] = raw
+        # a measured speed is the mean over a period: the others are taken in its middle as well
+        smooth = row[A_SMOOTH + place]
+        smooth += own * (0.5 * (raw + row[A_RAW + place]) - smooth)
+        row[A_SMOOTH + place], row[A_RAW + place] = smooth, raw
+        once = row[A_ONCE + place]
+        once += weight * (smooth - once)
+        row[A_ONCE + place] = once
+        before = row[A_TWICE + place]
+        row[A_BEFORE + place] = before
+        row[A_TWICE + place] = before + weight * (once - before)
+    row[A_SPEED_ONCE] += weight * (speed - row[A_SPEED_ONCE])
+    row[A_SPEED_BEFORE] = row[A_SPEED_TWICE]
+    row[A_SPEED_TWICE] += weight * (row[A_SPEED_ONCE] - row[A_SPEED_BEFORE])
+    row[A_SINCE] += step
+    reach = DELAY_RATE * step
+    row[A_DELAY] += limited(row[A_WANTED_DELAY] - row[A_DELAY], -reach, reach)
+    return bool(row[A_SINCE] >= EVERY)
 
-    unexplained: float
-    rate: float
-    position: float
-    speed: float
-    speed_filter: float
+
+def weighted(row: Any, position: float, velocity: float, acceleration: float, rests: bool) -> float:
+    """Torque [N m] by what was learnt, for a joint that moves as planned or begins at rest."""
+    w = A_WEIGHTS
+    found = row[w] + row[w + 1] * position + row[w + 2] * position**3
+    found += row[w + 3] * velocity + row[w + 4] * acceleration
+    if not rests:
+        for number in range(N_ELEMENTS):
+            found += row[w + 5 + number] * element(row, A_PLANNED, number)
+    return float(found)
+
+
+def learnt_torque(
+    y: Any, row: Any, time: float, position: float, velocity: float, acceleration: float,
+    limit: float,
+) -> float:  # fmt: skip
+    """Torque [N m] to be added for the reference at a time [s], within a limit [N m]."""
+    step = 0.0 if math.isnan(y[Y_PLANNED_AT]) else max(time - y[Y_PLANNED_AT], 0.0)
+    y[Y_PLANNED_AT], y[Y_REFERENCE] = time, position
+    move_memory(row, A_PLANNED, position, step)
+    return limited(weighted(row, position, velocity, acceleration, False), -limit, limit)
 
 
 class TorqueAdaptation:
     """Learns and predicts the torque of one joint that its model lacks.
 
+    Its filters and what the control cycle uses of it are in two rows, see `plan_rows`.
+
     Parameters
     ----------
+    y, row : rows
+        State of the plan, and of what is learnt.
     inertia, damping : float
         Of the model [kg m^2], [N m s/rad].
     largest : float
@@ -104,17 +194,12 @@ class TorqueAdaptation:
     turn : float, optional
         Part of the time between two updates after which the first one is due, so that several
         joints do not compute theirs in one control cycle [-].
-
-    Attributes
-    ----------
-    delay : float
-        By which the position is later than the pressures, beside what the rig file tells; negative
-        if the pressures are later [s].
-    friction : float
-        Dry friction that was learnt, and that changes its side within some 10 mrad [N m].
     """
 
-    def __init__(self, inertia: float, damping: float, largest: float, turn: float = 0.0) -> None:
+    def __init__(
+        self, y: Any, row: Any, inertia: float, damping: float, largest: float, turn: float = 0.0
+    ) -> None:
+        self._y, self._row = y, row
         self._inertia, self._damping, self._turn = inertia, damping, turn
         self._fit = AveragedFit(
             [*(largest * each for each in DEVIATIONS), DELAY_DEVIATION],
@@ -124,19 +209,39 @@ class TorqueAdaptation:
             TRIFLE * largest,
             {VISCOUS: -damping, **dict.fromkeys(SLIPS, 0.0)},
         )
-        self._measured, self._planned = MotionMemory(), MotionMemory()
         self.forget()
         self.restart()
 
     def forget(self) -> None:
         """Nothing is known."""
         self._fit.forget()
-        self.delay = self.friction = 0.0
+        self._row[A_DELAY] = 0.0
+        self._use()
+
+    def _use(self) -> None:
+        """Let the control cycle use what the fit has found."""
+        weights, row = self._fit.weights, self._row
+        for place in range(N_FUNCTIONS):
+            row[A_WEIGHTS + place] = weights[place]
+        row[A_KNOWS], row[A_FRICTION] = float(any(weights)), self._dry_friction()
+        # a wrong delay is an error of the position itself: the median of what is believed
+        likely, wanted = self._fit.certainty(DELAY), 0.0
+        if likely > 0.5:
+            wanted = limited(self._fit.fitted[DELAY] / likely, -LONGEST_DELAY, LONGEST_DELAY)
+        row[A_WANTED_DELAY] = wanted if abs(wanted) >= LEAST_DELAY else 0.0
 
     @property
     def knows(self) -> bool:
         """Whether anything was learnt that is worth using."""
-        return any(self._fit.weights)
+        return bool(self._row[A_KNOWS] > 0.0)
+
+    @property
+    def delay(self) -> float:
+        """By which the position is later than the pressures [s], beside what the rig file tells.
+
+        Negative if the pressures are later.
+        """
+        return float(self._row[A_DELAY])
 
     @property
     def weights(self) -> list[float]:
@@ -149,15 +254,13 @@ class TorqueAdaptation:
 
     def restart(self) -> None:
         """Begin with a joint at rest; what was learnt is kept."""
-        self._measured.reset()
-        self._planned.reset()
-        self._raw: list[float] = []
-        self._since = -self._turn * EVERY
-        self._planned_at = math.nan
-        self._reference = math.nan
+        begin_memory(self._row, A_MEASURED)
+        begin_memory(self._row, A_PLANNED)
+        self._row[A_BEGUN], self._row[A_SINCE] = 0.0, -self._turn * EVERY
+        self._y[Y_PLANNED_AT] = self._y[Y_REFERENCE] = math.nan
 
-    def learn(self, step: float, sample: TorqueSample) -> float:
-        """Take a new sample, `step` [s] after the last one; 0 if there is no new one.
+    def update(self) -> float:
+        """Learn from the filtered samples; due when `take_torque` says so.
 
         Returns
         -------
@@ -165,80 +268,32 @@ class TorqueAdaptation:
             What was learnt now of the slow part of the planned torque [N m]. The integral of the
             feedback has carried it until now.
         """
-        if step <= 0.0:
-            return 0.0
-        q = sample.position
-        memory = self._measured.advance(q, step)
-        raw = [sample.unexplained, 1.0, q, q**3, *memory, sample.rate]
-        if not self._raw:
-            self._raw = self._smooth = self._once = self._twice = raw
-            self._speed_once = self._speed_twice = sample.speed
-        own, weight = step / (sample.speed_filter + step), step / (FILTER + step)
-        # a measured speed is the mean over a period: the others are taken in its middle as well
-        changes = zip(self._smooth, raw, self._raw)  # noqa: B905  (half the time)
-        self._smooth = [x + own * (0.5 * (now + last) - x) for x, now, last in changes]
-        self._raw = raw
-        self._once = _approached(self._once, self._smooth, weight)
-        self._speed_once += weight * (sample.speed - self._speed_once)
-        before, speed_before = self._twice, self._speed_twice
-        self._twice = _approached(before, self._once, weight)
-        self._speed_twice += weight * (self._speed_once - speed_before)
-        self._since += step
-        self._move_delay(step)
-        if self._since < EVERY:
-            return 0.0
-        learnt = 0.0
-        if abs(self._speed_twice) > STILL:
+        row, learnt = self._row, 0.0
+        speed_before, speed_twice = float(row[A_SPEED_BEFORE]), float(row[A_SPEED_TWICE])
+        if abs(speed_twice) > STILL:
             # the difference below is the acceleration half a period ago
-            smooth = 0.5 * (np.array(before) + np.array(self._twice))
-            speed = 0.5 * (speed_before + self._speed_twice)
-            motion = (speed, (self._speed_once - self._speed_twice) / FILTER)
+            smooth = np.array(
+                [0.5 * (row[A_BEFORE + place] + row[A_TWICE + place]) for place in range(N_SAMPLE)]
+            )
+            speed = 0.5 * (speed_before + speed_twice)
+            motion = (speed, (float(row[A_SPEED_ONCE]) - speed_twice) / FILTER)
             model = self._damping * motion[0] + self._inertia * motion[1]
             functions = np.concatenate((smooth[1:4], motion, smooth[4:]))
             learnt = -self._slow_part()
-            counted = self._since * min(abs(speed) / SLOW, 1.0)
+            counted = float(row[A_SINCE]) * min(abs(speed) / SLOW, 1.0)
             self._fit.update(functions, float(smooth[0]) - model, counted)
+            self._use()
             learnt += self._slow_part()
-            self.friction = self._dry_friction()
-        self._since = 0.0
+        row[A_SINCE] = 0.0
         return learnt
 
-    def _move_delay(self, step: float) -> None:
-        # a wrong delay is an error of the position itself: the median of what is believed
-        likely, wanted = self._fit.certainty(DELAY), 0.0
-        if likely > 0.5:
-            wanted = limited(self._fit.fitted[DELAY] / likely, -LONGEST_DELAY, LONGEST_DELAY)
-        if abs(wanted) < LEAST_DELAY:
-            wanted = 0.0
-        reach = DELAY_RATE * step
-        self.delay += limited(wanted - self.delay, -reach, reach)
-
     def _slow_part(self) -> float:
-        q = self._reference
+        q = float(self._y[Y_REFERENCE])
         if math.isnan(q):
             return 0.0
         constant, linear, cubic = self._fit.weights[:SLOW_FUNCTIONS]
         return constant + linear * q + cubic * q**3
 
-    def torque(self, time: float, reference: JointReference, limit: float) -> float:
-        """Torque [N m] to be added for the reference at a time [s], within a limit [N m]."""
-        step = 0.0 if math.isnan(self._planned_at) else max(time - self._planned_at, 0.0)
-        self._planned_at, self._reference = time, reference.position
-        memory = self._planned.advance(reference.position, step)
-        return self._weighted(reference, memory, limit)
-
     def at_rest(self, position: float, limit: float) -> float:
-        """The same for a joint that begins at rest at a position [rad]."""
-        return self._weighted(JointReference(position), (), limit)
-
-    def _weighted(
-        self, reference: JointReference, memory: list[float] | tuple[()], limit: float
-    ) -> float:
-        q = reference.position
-        functions = (1.0, q, q**3, reference.velocity, reference.acceleration, *memory)
-        return limited(float(sum(map(mul, self._fit.weights, functions))), -limit, limit)
-
-
-def _approached(values: list[float], goals: list[float], weight: float) -> list[float]:
-    """Values that have come nearer to their goals by a share of the difference."""
-    return [x + weight * (goal - x) for x, goal in zip(values, goals)]  # noqa: B905
+        """The learnt torque of a joint that begins at rest at a position [rad], limited [N m]."""
+        return limited(weighted(self._row, position, 0.0, 0.0, True), -limit, limit)

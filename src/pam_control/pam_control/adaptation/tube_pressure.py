@@ -12,38 +12,32 @@ so that what a wrong loss adds to the loop is slow.
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Any, Final
+
+from pam_control.feedback.loop_rows import V_INSIDE
 
 TRUST: Final = 0.1  # s, T
 
 
-class TubePressure:
-    """The observer of one muscle."""
+def pressure_behind_tube(v: Any, step: float, shown: float, loss: float, rate: float) -> float:
+    """The pressure in the muscle [Pa gauge], never below 0.
 
-    def __init__(self) -> None:
-        self.reset()
-
-    def reset(self) -> None:
-        """Begin with what the sensor shows."""
-        self._inside = math.nan
-
-    def update(self, step: float, shown: float, loss: float, rate: float) -> float:
-        """The pressure in the muscle [Pa gauge], never below 0.
-
-        Parameters
-        ----------
-        step : float
-            Time since the last call [s].
-        shown : float
-            What the sensor shows [Pa gauge].
-        loss : float
-            In the tube, positive while the muscle is filled [Pa].
-        rate : float
-            dP/dt that follows from the flow [Pa/s].
-        """
-        if math.isnan(self._inside):
-            self._inside = shown
-        self._inside += rate * step
-        self._inside += step / (TRUST + step) * (shown - loss - self._inside)
-        self._inside = max(self._inside, 0.0)
-        return self._inside
+    Parameters
+    ----------
+    v : row
+        State of the loop (`loop_rows`); not a number: begin with what the sensor shows.
+    step : float
+        Time since the last call [s].
+    shown : float
+        What the sensor shows [Pa gauge].
+    loss : float
+        In the tube, positive while the muscle is filled [Pa].
+    rate : float
+        dP/dt that follows from the flow [Pa/s].
+    """
+    if math.isnan(v[V_INSIDE]):
+        v[V_INSIDE] = shown
+    v[V_INSIDE] += rate * step
+    v[V_INSIDE] += step / (TRUST + step) * (shown - loss - v[V_INSIDE])
+    v[V_INSIDE] = max(v[V_INSIDE], 0.0)
+    return float(v[V_INSIDE])

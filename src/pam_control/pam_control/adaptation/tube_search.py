@@ -47,13 +47,15 @@ class TubeSearch:
 
     Attributes
     ----------
+    per_square : float
+        Loss for q = 1 times the pressure, per square of the flow [Pa^2 s^2/kg^2].
     share : float
         q; 0 if there is no tube that matters [-].
     """
 
     def __init__(self, full_flow: float, supply: float, told: float = 0.0) -> None:
         self._told = min(told, MOST)
-        self._per_square = supply**2 / (2.0 * full_flow**2)
+        self.per_square = supply**2 / (2.0 * full_flow**2)
         self._fit = RecursiveFit(DEVIATIONS, NOISE, TRIFLE, Suspect(LEAST, BETTER))
         self.share = self._told
         self.restart()
@@ -67,10 +69,6 @@ class TubeSearch:
         """Begin anew with the filters; what was learnt is kept."""
         self._shown = self._lost = math.nan
         self._filled = self._emptied = self._moved = self._since = 0.0
-
-    def unit_loss(self, flow: float, pressure: float) -> float:
-        """Loss [Pa] for q = 1, at a flow [kg/s] into the muscle and a pressure [Pa absolute]."""
-        return self._per_square * flow * abs(flow) / pressure
 
     def update(
         self,

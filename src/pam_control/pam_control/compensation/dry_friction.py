@@ -26,11 +26,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
-from pam_control.references.spline import JointReference
 from pam_model.effects import TorqueFeedforward, bound
 from pam_model.effects import slots as slot_kinds
 from pam_model.physics.dahl import dahl_step
+from pam_model.plant.composition import dry_friction
+from pam_model.plant.layout import C_FRICTION
 from pam_model.robot import RobotJoint
 
 SMOOTHING_SPEED = 0.03  # rad/s
@@ -76,17 +78,24 @@ class DryFriction:
         """Friction torque [N m] at a velocity [rad/s], without its memory."""
         return self.level(velocity) * math.tanh(velocity / SMOOTHING_SPEED) if self.laws else 0.0
 
-    def change(self, planned: float, measured: float) -> float:
-        """Change of the friction torque [N m] from the planned to the measured speed [rad/s]."""
-        if not self.laws:
-            return 0.0
-        share = math.tanh(planned / SMOOTHING_SPEED)
-        return share * (self.level(measured) - self.level(planned))
 
-    def slipped(self, slip: float, travel: float, reference: JointReference) -> float:
-        """The state z [-] after a travel [rad] of the reference that ended as `reference`."""
-        slip = dahl_step(slip, travel, self.presliding)
-        if reference.velocity * reference.acceleration > 0.0:
-            return slip
-        most = math.tanh(abs(reference.velocity) / SMOOTHING_SPEED)
-        return max(-most, min(most, slip))
+def friction_change(c: Any, planned: float, measured: float) -> float:
+    """Change of the friction torque [N m] from the planned to the measured speed [rad/s].
+
+    `c` are the constants of the joint.
+    """
+    if c[C_FRICTION] == 0.0:
+        return 0.0
+    share = math.tanh(planned / SMOOTHING_SPEED)
+    return float(share * (dry_friction(c, measured) - dry_friction(c, planned)))
+
+
+def slipped(
+    slip: float, travel: float, velocity: float, acceleration: float, presliding: float
+) -> float:
+    """The state z [-] after a travel [rad] of the reference that ended with this motion."""
+    slip = dahl_step(slip, travel, presliding)
+    if velocity * acceleration > 0.0:
+        return slip
+    most = math.tanh(abs(velocity) / SMOOTHING_SPEED)
+    return max(-most, min(most, slip))

@@ -1,77 +1,64 @@
 """Joint torque that depends on the motion before, predicted along the joint's reference.
 
-That of hysteresis and creep of the muscles, and of the dry friction of the joint.
+That of hysteresis, creep and every other effect of a muscle with a state and an exact step, and of
+the dry friction of the joint. The states are computed along the reference, ahead of time, so that
+they do not change the feedback loop.
 """
 
 from __future__ import annotations
 
 import math
+from typing import Any
 
-from pam_control.compensation.dry_friction import DryFriction
-from pam_control.compensation.muscle_memory import MuscleMemory
-from pam_control.references.spline import JointReference
-from pam_model.robot import RobotMuscle
+from pam_control.compensation.dry_friction import slipped
+from pam_control.laws.plan_rows import (
+    J_HAS_HISTORY,
+    J_PRESLIDING,
+    Y_HISTORY_POSITION,
+    Y_HISTORY_TIME,
+    Y_SLIP,
+)
+from pam_model.plant.composition import dry_friction, memory_pull
+from pam_model.plant.control_laws import memory_advance
+from pam_model.plant.layout import AGONIST, ANTAGONIST, C_RADIUS, N_MUSCLE_STATES
 
-Pair = tuple[float, float]
+
+def begin_history(y: Any, memory: Any) -> None:
+    """Nothing has moved: all states are 0, because those of the muscles are unknown."""
+    y[Y_HISTORY_POSITION] = y[Y_HISTORY_TIME] = math.nan
+    y[Y_SLIP] = 0.0
+    for place in range(len(memory)):
+        memory[place] = 0.0
 
 
-class HistoryTorque:
-    """The states of both muscles and of the dry friction, advanced along the reference.
+def history_torque(
+    c: Any, j: Any, y: Any, memory: Any, time: float, position: float, velocity: float,
+    acceleration: float, a: float, b: float,
+) -> float:  # fmt: skip
+    """Advance the states along the reference to a time and return their torque on the joint [N m].
 
     Parameters
     ----------
-    muscles : (RobotMuscle, RobotMuscle)
-        Agonist, antagonist.
-    pulley_radius : float
-        Of the joint [m].
-    friction : DryFriction
-        Of the joint.
+    c, j, y, memory : rows
+        Constants of the joint, its numbers, state of the plan (`plan_rows`) and of both muscles.
+    time : float
+        Not earlier than in the last call [s].
+    position, velocity, acceleration : float
+        Of the reference at that time.
+    a, b : float
+        Approximate pressures of the muscles at that time, gauge [Pa].
     """
-
-    def __init__(
-        self, muscles: tuple[RobotMuscle, ...], pulley_radius: float, friction: DryFriction
-    ) -> None:
-        self._radius, self._friction = pulley_radius, friction
-        self._agonist, self._antagonist = (MuscleMemory.from_muscle(m) for m in muscles)
-        self.is_neutral = (
-            self._agonist.is_neutral and self._antagonist.is_neutral and not friction.laws
-        )
-        self.reset()
-
-    def reset(self) -> None:
-        """Reset the states."""
-        self._position = self._time = math.nan
-        self._slip = 0.0
-        self._agonist.reset()
-        self._antagonist.reset()
-
-    def advance(self, time: float, reference: JointReference, pressures: Pair) -> float:
-        """Advance the states along the reference to `time` and return their torque.
-
-        Parameters
-        ----------
-        time : float
-            Not earlier than in the last call [s].
-        reference : JointReference
-            Reference at that time.
-        pressures : (float, float)
-            Approximate pressures of the muscles at that time, gauge [Pa].
-
-        Returns
-        -------
-        float
-            Torque on the joint [N m].
-        """
-        if self.is_neutral:
-            return 0.0
-        position = reference.position
-        if not math.isnan(self._position):
-            travel = position - self._position
-            self._slip = self._friction.slipped(self._slip, travel, reference)
-            stroke = self._radius * travel
-            duration = max(time - self._time, 0.0)
-            self._agonist.move(-stroke, duration)
-            self._antagonist.move(stroke, duration)
-        self._position, self._time = position, time
-        pull = self._agonist.pull(pressures[0]) - self._antagonist.pull(pressures[1])
-        return self._radius * pull - self._slip * self._friction.level(reference.velocity)
+    if j[J_HAS_HISTORY] == 0.0:
+        return 0.0
+    if not math.isnan(y[Y_HISTORY_POSITION]):
+        travel = position - y[Y_HISTORY_POSITION]
+        y[Y_SLIP] = slipped(y[Y_SLIP], travel, velocity, acceleration, j[J_PRESLIDING])
+        stroke = c[C_RADIUS] * travel
+        duration = max(time - y[Y_HISTORY_TIME], 0.0)
+        memory_advance(AGONIST, c, memory, 0, -stroke, duration)
+        memory_advance(ANTAGONIST, c, memory, N_MUSCLE_STATES, stroke, duration)
+    y[Y_HISTORY_POSITION], y[Y_HISTORY_TIME] = position, time
+    agonist, _ = memory_pull(AGONIST, c, memory, 0, a)
+    antagonist, _ = memory_pull(ANTAGONIST, c, memory, N_MUSCLE_STATES, b)
+    friction = y[Y_SLIP] * dry_friction(c, velocity)
+    return float(c[C_RADIUS] * (agonist - antagonist) - friction)

@@ -95,8 +95,9 @@ def _regulated_state_space(point: OperatingPoint, loop: LoopStructure, timing: L
         [[0.0, 1.0], [-point.spring / J, -point.damping / J]], [[0.0], [1.0 / J]], [[1.0, 0.0]], 0.0
     )
     delay = control.ss(control.tf(*control.pade(timing.delay, PADE_ORDER)))
-    lag = control.ss(control.tf([1.0], [max(timing.valve_time_constant, 1e-6), 1.0]))
-    opened = control.series(delay, lag, lag, joint)
+    tau = max(timing.valve_time_constant, 1e-6)
+    lag = control.ss(control.tf([1.0], [tau * tau, 2.0 * timing.valve_damping * tau, 1.0]))
+    opened = control.series(delay, lag, joint)
     if timing.position_delay > 0.0:
         opened = control.series(opened, _late(timing))
     closed = control.feedback(opened, _gain([[na * ha + nb * hb]]), sign=1)

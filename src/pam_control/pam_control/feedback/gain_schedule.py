@@ -15,8 +15,9 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
-from pam_control.feedback.pid import PidGains
+from pam_control.feedback.pid import G_FILTER, G_LEAD, N_GAINS, PidGains
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,15 +42,15 @@ class GainSchedule:
 
     def at(self, stiffness: float) -> PidGains:
         """The gains at a stiffness [N m/rad]; those of the nearest end outside the range."""
-        places, gains = self.stiffnesses, self.gains
-        for index in range(1, len(places)):
-            if stiffness < places[index]:
-                share = (stiffness - places[index - 1]) / (places[index] - places[index - 1])
-                if share <= 0.0:
-                    return gains[index - 1]
-                return _between(gains[index - 1], gains[index], share)
-        # not a number: the stiffness is not known yet
-        return gains[-1] if stiffness >= places[-1] else gains[0]
+        found = [0.0] * N_GAINS
+        gains_at(self.row, 0, len(self.stiffnesses), stiffness, found, 0)
+        return PidGains(*found)
+
+    @property
+    def row(self) -> list[float]:
+        """Each stiffness, followed by its gains."""
+        pairs = zip(self.stiffnesses, self.gains, strict=True)
+        return [number for place, gains in pairs for number in (place, *gains.row)]
 
     def changed(self, change: Callable[[PidGains], PidGains]) -> GainSchedule:
         """The schedule with all of its gains changed in the same way."""
@@ -60,13 +61,36 @@ class GainSchedule:
         return self.changed(lambda gains: dataclasses.replace(gains, **given))
 
 
-def _between(low: PidGains, high: PidGains, share: float) -> PidGains:
-    rest = 1.0 - share
-    return PidGains(
-        rest * low.proportional + share * high.proportional,
-        rest * low.integral + share * high.integral,
-        rest * low.derivative + share * high.derivative,
-        low.derivative_filter,
-        rest * low.observer + share * high.observer,
-        low.lead,
+def gains_at(row: Any, at: int, count: float, stiffness: float, found: Any, to: int) -> None:
+    """Write the gains at a stiffness [N m/rad]; those of the nearest end outside the range.
+
+    Parameters
+    ----------
+    row, at : row, int
+        Holds `GainSchedule.row` from a place on.
+    count : float
+        Number of the stiffnesses.
+    stiffness : float
+        Not a number: it is not known yet.
+    found, to : row, int
+        Where the gains are written.
+    """
+    size, share = 1 + N_GAINS, 1.0
+    low = high = (
+        at + size * (int(count) - 1) if stiffness >= row[at + size * (int(count) - 1)] else at
     )
+    for index in range(1, int(count)):
+        place = at + size * index
+        if stiffness < row[place]:
+            before = row[place - size]
+            share = (stiffness - before) / (row[place] - before)
+            low = high = place - size
+            if share > 0.0:
+                high = place
+            break
+    for number in range(N_GAINS):
+        first, second = row[low + 1 + number], row[high + 1 + number]
+        if low == high or number in (G_FILTER, G_LEAD):
+            found[to + number] = first
+        else:
+            found[to + number] = (1.0 - share) * first + share * second

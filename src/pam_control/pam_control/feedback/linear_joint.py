@@ -87,9 +87,12 @@ class LoopTiming:
     velocity_filter : float
         Tf, filter time constant of a measured velocity [s].
     regulated : bool
-        The valves are pressure regulators: pi = exp(-T s)/(tau s + 1)^2 of its reference.
+        The valves are pressure regulators: pi = exp(-T s)/(tau^2 s^2 + 2 zeta tau s + 1) of its
+        reference.
     position_delay : float
         Additional delay of a measured position compared with a measured pressure [s].
+    valve_damping : float
+        zeta of regulators [-].
     """
 
     period: float
@@ -99,6 +102,7 @@ class LoopTiming:
     velocity_filter: float
     regulated: bool = False
     position_delay: float = 0.0
+    valve_damping: float = 1.0
 
     @property
     def delay(self) -> float:
@@ -160,7 +164,8 @@ def response_parts(
     H = np.exp(-timing.delay * s) / (timing.residual_lag * s + 1.0)
     k = loop.pressure_gain
     if timing.regulated:
-        follow = np.exp(-timing.delay * s) / (timing.valve_time_constant * s + 1.0) ** 2
+        lag = timing.valve_time_constant * s
+        follow = np.exp(-timing.delay * s) / (lag * lag + 2.0 * timing.valve_damping * lag + 1.0)
     late = np.exp(-timing.position_delay * s)
     spring: Any = point.inertia * s * s + point.damping * s + point.spring
     drive: Any = 0.0

@@ -12,10 +12,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any, Final
 
 from pam_control.limited import limited
 
-SHRINKING_TIME = 2.0  # s, of an integral above its limit
+SHRINKING_TIME: Final = 2.0  # s, of an integral above its limit
+
+F_INTEGRAL, F_ERROR, F_SLOPE, F_BEND = range(4)
+N_FEEDBACK: Final = 4
+"""State of a joint's feedback: integral in the unit of the output, last error [rad], its filtered
+derivative [rad/s] and the derivative of that [rad/s^2]."""
+G_PROPORTIONAL, G_INTEGRAL, G_DERIVATIVE, G_FILTER, G_OBSERVER, G_LEAD = range(6)
+N_GAINS: Final = 6
+"""Gains of a joint, in the order of `PidGains`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,83 +51,86 @@ class PidGains:
     lead: float = 0.0
 
     @property
-    def tracking_time(self) -> float:
-        """Tracking time of the anti-windup [s]: the integral time constant."""
-        if self.integral <= 0.0:
-            return math.inf
-        return max(self.proportional / self.integral, 2.0 * self.derivative_filter)
+    def row(self) -> list[float]:
+        """The gains as `G_PROPORTIONAL` and its like."""
+        return [
+            self.proportional, self.integral, self.derivative, self.derivative_filter,
+            self.observer, self.lead,
+        ]  # fmt: skip
 
 
-class Pid:
-    """The state of one joint's PID; the gains are passed at every call, so they may change."""
+def begin_feedback(row: Any, f: int, integral: float) -> None:
+    """Reset the state; for zero error the next output is `integral`."""
+    row[f + F_INTEGRAL] = integral
+    row[f + F_ERROR] = math.nan
+    row[f + F_SLOPE] = row[f + F_BEND] = 0.0
 
-    def __init__(self) -> None:
-        self.integral = 0.0
-        self._error = math.nan
-        self._slope = self._bend = 0.0
 
-    def reset(self, integral: float = 0.0) -> None:
-        """Reset the state; for zero error the next output is `integral`."""
-        self.integral = integral
-        self._error = math.nan
-        self._slope = self._bend = 0.0
+def continue_feedback(row: Any, f: int, g: int, output: float, error: float) -> None:
+    """Set the integral so that the gains give `output` for the present error [rad]."""
+    row[f + F_INTEGRAL] = output - row[g + G_PROPORTIONAL] * error - led(row, f, g)
 
-    def continue_at(self, output: float, error: float, gains: PidGains) -> None:
-        """Set the integral so that these gains give `output` for the present error [rad]."""
-        self.integral = output - gains.proportional * error - self._led(gains)
 
-    def output(self, error: float, step: float, gains: PidGains) -> float:
-        """Output for `error` [rad], `step` [s] after the last one; step 0 means no new sample."""
-        if math.isnan(self._error):
-            self._error = error
-        if step > 0.0:
-            weight = step / (gains.derivative_filter + step)
-            change = weight * ((error - self._error) / step - self._slope)
-            self._bend += weight * (change / step - self._bend)
-            self._slope += change
-            self._error = error
-        return gains.proportional * error + self.integral + self._led(gains)
+def pid_output(row: Any, f: int, g: int, error: float, step: float) -> float:
+    """Output for `error` [rad], `step` [s] after the last one; step 0 means no new sample.
 
-    def _led(self, gains: PidGains) -> float:
-        """The derivative's part of the output."""
-        return gains.derivative * (self._slope + gains.lead * self._bend)
+    Parameters
+    ----------
+    row : row
+        State of the joint, in which that of the feedback begins at `f`, and the gains at `g`.
+    f, g : int
+        `F_INTEGRAL`, `G_PROPORTIONAL` and their like are counted from there.
+    error, step : float
+        [rad], [s].
+    """
+    if math.isnan(row[f + F_ERROR]):
+        row[f + F_ERROR] = error
+    if step > 0.0:
+        weight = step / (row[g + G_FILTER] + step)
+        change = weight * ((error - row[f + F_ERROR]) / step - row[f + F_SLOPE])
+        row[f + F_BEND] += weight * (change / step - row[f + F_BEND])
+        row[f + F_SLOPE] += change
+        row[f + F_ERROR] = error
+    return float(row[g + G_PROPORTIONAL] * error + row[f + F_INTEGRAL] + led(row, f, g))
 
-    def integrate(
-        self,
-        error: float,
-        step: float,
-        gains: PidGains,
-        *,
-        missed: float,
-        limit: float,
-        frozen: bool = False,
-    ) -> None:
-        """Advance the integrator.
 
-        Parameters
-        ----------
-        error : float
-            [rad].
-        step : float
-            [s].
-        gains : PidGains
-            The present gains.
-        missed : float
-            Reachable minus requested output, in the output's unit; not 0 if the output is clipped.
-        limit : float
-            Largest absolute value of the integral, in the output's unit. An integral above it, as
-            after a change of parameters, shrinks to it slowly, so that the joint does not drop.
-        frozen : bool, optional
-            The integral may only shrink, because an inner loop is saturated, which `missed` does
-            not show.
-        """
-        change = gains.integral * error * step
-        if missed != 0.0 and math.isfinite(gains.tracking_time):
-            change += missed * min(step / gains.tracking_time, 1.0)
-        if frozen and change * self.integral > 0.0:
-            return
-        limit = max(limit, abs(self.integral) * (1.0 - min(step / SHRINKING_TIME, 1.0)))
-        self.integral = limited(self.integral + change, -limit, limit)
+def led(row: Any, f: int, g: int) -> float:
+    """The derivative's part of the output."""
+    return float(row[g + G_DERIVATIVE] * (row[f + F_SLOPE] + row[g + G_LEAD] * row[f + F_BEND]))
+
+
+def integrate(
+    row: Any, f: int, g: int, error: float, step: float, missed: float, limit: float, frozen: bool
+) -> None:
+    """Advance the integrator.
+
+    Parameters
+    ----------
+    row, f, g
+        As for `pid_output`.
+    error : float
+        [rad].
+    step : float
+        [s].
+    missed : float
+        Reachable minus requested output, in the output's unit; not 0 if the output is clipped.
+    limit : float
+        Largest absolute value of the integral, in the output's unit. An integral above it, as
+        after a change of parameters, shrinks to it slowly, so that the joint does not drop.
+    frozen : bool
+        The integral may only shrink, because an inner loop is saturated, which `missed` does
+        not show.
+    """
+    integral = row[f + F_INTEGRAL]
+    change = row[g + G_INTEGRAL] * error * step
+    if missed != 0.0 and row[g + G_INTEGRAL] > 0.0:
+        # tracking time of the anti-windup: the integral time constant
+        tracking = max(row[g + G_PROPORTIONAL] / row[g + G_INTEGRAL], 2.0 * row[g + G_FILTER])
+        change += missed * min(step / tracking, 1.0)
+    if frozen and change * integral > 0.0:
+        return
+    limit = max(limit, abs(integral) * (1.0 - min(step / SHRINKING_TIME, 1.0)))
+    row[f + F_INTEGRAL] = limited(integral + change, -limit, limit)
 
 
 def handed_over(integral: float, torque: float) -> float:

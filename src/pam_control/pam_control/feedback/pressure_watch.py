@@ -10,7 +10,18 @@ because the cause is still there.
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Any, Final
+
+from pam_control.feedback.loop_rows import (
+    N_THRESHOLD,
+    V_BEFORE,
+    V_COUNT,
+    V_FACTOR,
+    V_LASTED,
+    V_PEAK,
+    V_SIGN,
+    V_SLOW,
+)
 
 HALF_WAVES: Final = 6
 LONGEST: Final = 0.06  # s, of a half wave
@@ -21,51 +32,33 @@ STEP_DOWN: Final = 0.6
 LEAST_FACTOR: Final = 0.1
 
 
-class PressureWatch:
-    """The half waves of one pressure error.
+def begin_watch(v: Any) -> None:
+    """Forget what was seen; the gain is that of the design."""
+    v[V_FACTOR] = 1.0
+    v[V_SLOW] = math.nan
+    begin_count(v)
 
-    Parameters
-    ----------
-    max_pressure : float
-        Of the muscle [Pa].
 
-    Attributes
-    ----------
-    factor : float
-        By which the gain of the loop is to be multiplied [-].
-    """
+def begin_count(v: Any) -> None:
+    """Forget the half waves."""
+    v[V_SIGN], v[V_PEAK], v[V_BEFORE] = 0.0, 0.0, 0.0
+    v[V_LASTED], v[V_COUNT] = 0.0, 0.0
 
-    def __init__(self, max_pressure: float) -> None:
-        self._threshold = LEAST_SHARE * max_pressure
-        self.reset()
 
-    def reset(self) -> None:
-        """Forget what was seen; the gain is that of the design."""
-        self.factor = 1.0
-        self._slow = math.nan
-        self._begin_count()
-
-    def _begin_count(self) -> None:
-        self._sign, self._peak, self._before = 0.0, 0.0, 0.0
-        self._lasted, self._count = 0.0, 0
-
-    def update(self, error: float, step: float) -> float:
-        """Take a pressure error [Pa] after `step` [s]; return the factor of the gain."""
-        if math.isnan(self._slow):
-            self._slow = error
-        self._slow += step / (SLOW + step) * (error - self._slow)
-        fast = error - self._slow
-        if fast * self._sign <= 0.0:
-            self._end_half_wave()
-            self._sign = math.copysign(1.0, fast)
-        self._peak = max(self._peak, abs(fast))
-        self._lasted += step
-        if self._count >= HALF_WAVES:
-            self.factor = max(STEP_DOWN * self.factor, LEAST_FACTOR)
-            self._begin_count()
-        return self.factor
-
-    def _end_half_wave(self) -> None:
-        lasts = self._peak >= max(self._threshold, FADING * self._before)
-        self._count = self._count + 1 if lasts and self._lasted <= LONGEST else 0
-        self._before, self._peak, self._lasted = self._peak, 0.0, 0.0
+def watch_pressure(n: Any, v: Any, error: float, step: float) -> float:
+    """Take a pressure error [Pa] after `step` [s]; return the factor of the gain."""
+    if math.isnan(v[V_SLOW]):
+        v[V_SLOW] = error
+    v[V_SLOW] += step / (SLOW + step) * (error - v[V_SLOW])
+    fast = error - v[V_SLOW]
+    if fast * v[V_SIGN] <= 0.0:
+        lasts = v[V_PEAK] >= max(n[N_THRESHOLD], FADING * v[V_BEFORE])
+        v[V_COUNT] = v[V_COUNT] + 1.0 if lasts and v[V_LASTED] <= LONGEST else 0.0
+        v[V_BEFORE], v[V_PEAK], v[V_LASTED] = v[V_PEAK], 0.0, 0.0
+        v[V_SIGN] = math.copysign(1.0, fast)
+    v[V_PEAK] = max(v[V_PEAK], abs(fast))
+    v[V_LASTED] += step
+    if v[V_COUNT] >= HALF_WAVES:
+        v[V_FACTOR] = max(STEP_DOWN * v[V_FACTOR], LEAST_FACTOR)
+        begin_count(v)
+    return float(v[V_FACTOR])

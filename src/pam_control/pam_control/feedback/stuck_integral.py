@@ -17,54 +17,53 @@ and compensation methods for the control of machines with friction", Automatica 
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Any, Final
 
-from pam_control.references.spline import JointReference
+from pam_control.laws.plan_rows import Y_GATHERED, Y_PLACE, Y_STUCK_INTEGRAL, Y_TARGET
 
 STICKS: Final = 1.5e-3  # rad, in which the position of a joint that sticks stays
 TRAVEL: Final = 4e-3  # rad of the reference, in which the torque is given back
 
 
-class StuckIntegral:
-    """What the integral of one joint has gathered while the joint stuck."""
+def begin_sticking(y: Any) -> None:
+    """Nothing was gathered."""
+    y[Y_GATHERED] = 0.0
+    y[Y_PLACE] = y[Y_TARGET] = y[Y_STUCK_INTEGRAL] = math.nan
 
-    def __init__(self) -> None:
-        self.reset()
 
-    def reset(self) -> None:
-        """Nothing was gathered."""
-        self._gathered = 0.0
-        self._place = self._target = self._integral = math.nan
+def given_back(
+    y: Any, reference: Any, at: int, position: float, integral: float, friction: float
+) -> float:
+    """Take a cycle; return what the integral has to give back now [N m].
 
-    def update(
-        self, reference: JointReference, position: float, integral: float, friction: float
-    ) -> float:
-        """Take a cycle; return what the integral has to give back now [N m].
-
-        Parameters
-        ----------
-        reference : JointReference
-            Where the joint should be.
-        position : float
-            Measured [rad].
-        integral : float
-            Of the feedback [N m].
-        friction : float
-            Dry friction that is known and fed forward [N m].
-        """
-        change, self._integral = integral - self._integral, integral
-        moved, self._target = abs(reference.position - self._target), reference.position
-        if reference.velocity == 0.0 and reference.acceleration == 0.0:
-            if not abs(position - self._place) <= STICKS:
-                self._place, self._gathered = position, 0.0
-            elif math.isfinite(change):
-                self._gathered += change
-            return 0.0
-        self._place = math.nan
-        if self._gathered == 0.0 or not math.isfinite(moved):
-            return 0.0
-        self._gathered = max(-friction, min(friction, self._gathered))
-        back = self._gathered * -math.expm1(-moved / TRAVEL)
-        self._gathered -= back
-        self._integral -= back
-        return back
+    Parameters
+    ----------
+    y : row
+        State of the plan (`plan_rows`).
+    reference : row
+        Where the joint should be: from `at` on, position, velocity and acceleration.
+    at : int
+        A place in it.
+    position : float
+        Measured [rad].
+    integral : float
+        Of the feedback [N m].
+    friction : float
+        Dry friction that is known and fed forward [N m].
+    """
+    change, y[Y_STUCK_INTEGRAL] = integral - y[Y_STUCK_INTEGRAL], integral
+    moved, y[Y_TARGET] = abs(reference[at] - y[Y_TARGET]), reference[at]
+    if reference[at + 1] == 0.0 and reference[at + 2] == 0.0:
+        if not abs(position - y[Y_PLACE]) <= STICKS:
+            y[Y_PLACE], y[Y_GATHERED] = position, 0.0
+        elif math.isfinite(change):
+            y[Y_GATHERED] += change
+        return 0.0
+    y[Y_PLACE] = math.nan
+    if y[Y_GATHERED] == 0.0 or not math.isfinite(moved):
+        return 0.0
+    y[Y_GATHERED] = max(-friction, min(friction, y[Y_GATHERED]))
+    back = y[Y_GATHERED] * -math.expm1(-moved / TRAVEL)
+    y[Y_GATHERED] -= back
+    y[Y_STUCK_INTEGRAL] -= back
+    return float(back)

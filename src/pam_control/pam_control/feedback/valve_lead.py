@@ -8,41 +8,29 @@ command is l + tau l'.
 from __future__ import annotations
 
 import math
+from typing import Any
+
+from pam_control.feedback.loop_rows import N_LAG, V_LAGGED
 
 
-class ValveLead:
-    """The compensator of one valve.
+def lead_command(n: Any, v: Any, opening: float, ratio: float, step: float) -> float:
+    """The command [-] for a wanted opening [-].
 
     Parameters
     ----------
-    time_constant : float
-        Lag of the valve, tau [s].
+    n, v : rows
+        Numbers and state of the loop (`loop_rows`).
+    opening : float
+        Wanted [-].
+    ratio : float
+        Part of the lag that remains, alpha [-]; 1: no compensation.
+    step : float
+        Time since the last call [s].
     """
-
-    def __init__(self, time_constant: float) -> None:
-        self._time_constant = time_constant
-        self.reset()
-
-    def reset(self) -> None:
-        """Begin with a valve at rest."""
-        self._lagged = math.nan
-
-    def command(self, opening: float, ratio: float, step: float) -> float:
-        """The command [-] for a wanted opening [-].
-
-        Parameters
-        ----------
-        opening : float
-            Wanted [-].
-        ratio : float
-            Part of the lag that remains, alpha [-]; 1: no compensation.
-        step : float
-            Time since the last call [s].
-        """
-        lag = ratio * self._time_constant
-        if lag <= 0.0 or ratio >= 1.0:
-            return opening
-        if math.isnan(self._lagged):
-            self._lagged = opening
-        self._lagged += step / (lag + step) * (opening - self._lagged)
-        return self._lagged + (opening - self._lagged) / ratio
+    lag = ratio * n[N_LAG]
+    if lag <= 0.0 or ratio >= 1.0:
+        return opening
+    if math.isnan(v[V_LAGGED]):
+        v[V_LAGGED] = opening
+    v[V_LAGGED] += step / (lag + step) * (opening - v[V_LAGGED])
+    return float(v[V_LAGGED] + (opening - v[V_LAGGED]) / ratio)

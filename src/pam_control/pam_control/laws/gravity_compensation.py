@@ -91,7 +91,7 @@ class GravityCompensation(Law[GravityCompensationState]):
         self, models: JointModels, state: GravityCompensationState, request: GuideRequest
     ) -> tuple[Guidance, GravityCompensationState]:
         """Let the rest angle follow the hand."""
-        stiffness, position = state.spring.muscles.stiffness, request.motion.position
+        stiffness, position = self.stiffness(state), request.motion.position
         if not request.active or request.held or math.isnan(position) or not stiffness > 0.0:
             return Guidance(), state
         gap = position - state.rest

@@ -110,7 +110,7 @@ class Impedance(Law[ImpedanceState]):
 
     def stiffness(self, state: ImpedanceState) -> float:
         """The reference of the stiffness [N m/rad]."""
-        return state.muscles.stiffness
+        return MUSCLES.stiffness(state.muscles)
 
     def _spring(self, models: JointModels, state: ImpedanceState, request: PlanRequest) -> float:
         """What the feedback adds to the muscles [N m]."""
@@ -118,7 +118,7 @@ class Impedance(Law[ImpedanceState]):
         position = models.inside(motion.position)
         lacking = 0.0
         if not math.isnan(state.reached):
-            lacking = state.muscles.stiffness - state.reached
+            lacking = self.stiffness(state) - state.reached
         lacking = max(-gains.proportional, min(gains.proportional, lacking))
         gravity = models.dynamics.gravity
         return (

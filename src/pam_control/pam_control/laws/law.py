@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
@@ -25,6 +25,7 @@ from pam_control.declared import check_fields
 from pam_control.feedback.margins import LoopCase
 from pam_control.feedback.pid import PidGains
 from pam_control.joint_models import JointModels, Pair
+from pam_control.learning.motion_learner import MotionLearner
 from pam_control.references.spline import JointReference
 from pam_control.settings import ControlSettings
 
@@ -123,6 +124,8 @@ class Law[State](ABC):
         size of the joint.
     guides : bool
         Whether `guide` asks anything of the references.
+    together : bool
+        Whether the states of all joints share their rows, so that one call plans all of them.
     bare : str
         What the muscles alone are, which must be stable without feedback; empty if it is not
         needed. See `bare_cases`.
@@ -137,6 +140,7 @@ class Law[State](ABC):
     against_motion: ClassVar[str] = ""
     largest_integral: ClassVar[float | None] = None
     guides: ClassVar[bool] = False
+    together: ClassVar[bool] = False
     bare: ClassVar[str] = ""
 
     def __post_init__(self) -> None:
@@ -154,6 +158,10 @@ class Law[State](ABC):
     @abstractmethod
     def init(self, models: JointModels) -> State:
         """The state of a joint of which nothing is known."""
+
+    def init_together(self, joints: Sequence[JointModels]) -> list[State]:
+        """The states of all joints, of which nothing is known."""
+        return [self.init(models) for models in joints]
 
     def rest(self, models: JointModels, state: State) -> State:
         """The state of a joint whose motion before was another one; what was learnt stays."""
@@ -185,6 +193,34 @@ class Law[State](ABC):
         self, models: JointModels, state: State, request: PlanRequest
     ) -> tuple[PressurePlan, State]:
         """Plan the pressures of a joint for one cycle."""
+
+    # A law with `together` has these functions as well, and `plan` for a law that holds it.
+
+    def use(
+        self, models: JointModels, state: State, settings: ControlSettings, adapts: bool
+    ) -> None:
+        """Use these settings of a joint, and what was learnt or not, from the next cycle on."""
+        return
+
+    def ask(
+        self,
+        models: JointModels,
+        state: State,
+        stiffness: float,
+        settings: ControlSettings,
+        adapts: bool,
+    ) -> State:
+        """Take the commanded stiffness [N m/rad] of a joint for the cycle that is being planned."""
+        return state
+
+    def plan_together(
+        self, states: Sequence[State], step: float, learners: Mapping[int, MotionLearner]
+    ) -> None:
+        """Plan one cycle of all joints, after a step [s], in their rows.
+
+        `learners` are those of the joints whose motion is repeated, by place.
+        """
+        raise NotImplementedError(f"{self.name} plans each joint alone")
 
     def stiffness(self, state: State) -> float:
         """Stiffness that the joint is asked for now [N m/rad], by which gains are scheduled."""

@@ -130,7 +130,7 @@ class Torque(Law[TorqueState]):
 
     def stiffness(self, state: TorqueState) -> float:
         """The reference of the stiffness [N m/rad]."""
-        return state.hold.stiffness
+        return HOLD.stiffness(state.hold)
 
     def plan(
         self, models: JointModels, state: TorqueState, request: PlanRequest
@@ -142,8 +142,9 @@ class Torque(Law[TorqueState]):
             return plan, state._replace(hold=hold)
         settings, motion = request.settings, request.motion
         reach = min(settings.stiffness_rate, models.joint.max_stiffness_rate) * request.step
-        change = request.stiffness - state.hold.stiffness
-        stiffness = state.hold.stiffness + max(-reach, min(reach, change))
+        before = self.stiffness(state)
+        change = request.stiffness - before
+        stiffness = before + max(-reach, min(reach, change))
         torque = _limited(models, request, asked)
         ahead = request.then.time - request.measured_at
         slope = _smoothed_rate(state, torque, request.step)
@@ -175,7 +176,7 @@ class Torque(Law[TorqueState]):
             0.0,
             telemetry,
         )
-        hold = state.hold._replace(stiffness=stiffness, plans=())
+        hold = HOLD.led(state.hold, stiffness)
         return plan, TorqueState(hold, True, torque, slope)
 
 

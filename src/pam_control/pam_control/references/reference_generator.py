@@ -14,12 +14,30 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import partial
+from typing import Any
 
 from pam_control.limited import limited
 from pam_control.references.joined_trajectory import joined
-from pam_control.references.motion_limiter import MotionLimiter, MotionLimits
+from pam_control.references.limited_references import (
+    HOLD,
+    R_ADVANCED,
+    R_CLIPPED,
+    R_HELD,
+    R_KIND,
+    R_PLANNED,
+    R_POSITION,
+    R_RECEIVED,
+    R_SPEED,
+    R_TARGET,
+    R_VELOCITY,
+    STREAM,
+    TRAJECTORY,
+    LimitedReferences,
+    advance_streams,
+    held_or_streamed,
+    in_range,
+)
+from pam_control.references.motion_limiter import NO_LIMITS, MotionLimits
 from pam_control.references.planned_trajectory import PlannedTrajectory, plan
 from pam_control.references.spline import JointReference, JointSpline
 from pam_control.references.streamed_command import check_streamed_command
@@ -32,30 +50,7 @@ from pam_control.references.trajectory import (
 )
 from pam_model.within_limits import within
 
-LONGEST_FILTER_STEP = 0.02
 RESUMED_WITHIN = 0.05  # rad
-
-
-@dataclass(slots=True)
-class _Stream:
-    """A filtered stream: the last commanded target, and the state of the filter."""
-
-    target: float
-    velocity: float
-    received: float
-    state: JointReference
-    advanced: float
-    limited: bool = False
-
-
-@dataclass(slots=True)
-class _Source:
-    """The present source of one joint; if stream and spline are None, the joint holds."""
-
-    held: float
-    spline: JointSpline | None = None
-    stream: _Stream | None = field(default=None)
-    planned: bool = False  # a trajectory that stays inside the range
 
 
 class ReferenceGenerator:
@@ -100,45 +95,52 @@ class ReferenceGenerator:
         self.stream_bandwidth = stream_bandwidth
         self.allow_nonzero_end_velocity = False
         self.horizon = 0.0
-        self._sources = {name: _Source(held=0.0) for name in limits}
+        self._places = {name: place for place, name in enumerate(limits)}
+        self._splines: dict[str, JointSpline] = {}  # of the joints that follow one
         self._heard: dict[str, float] = {}  # time of the last streamed command
         self._interrupted: set[str] = set()  # joints whose stream must not simply go on
-        self._limiters = {
-            name: MotionLimiter(motion, limits[name]) for name, motion in self.motion.items()
-        }
-        for limiter in self._limiters.values():
-            limiter.reset(0.0)
+        self.limited_references = LimitedReferences(
+            [self.motion.get(name, NO_LIMITS) for name in limits], list(self.limits.values())
+        )
 
     def keep(self, duration: float) -> None:
         """Keep the references of this time [s] before the present for `sample`."""
-        for limiter in self._limiters.values():
-            limiter.keep = self.horizon + duration
+        self.limited_references.keep = self.horizon + duration
 
     def limit(self, name: str, motion: MotionLimits) -> None:
         """Use other limits of motion for a joint from the next reference on."""
         self.motion[name] = motion
-        self._limiters[name].limits = motion
+        self.limited_references.use(self._places[name], motion)
 
     def hold(self, positions: Mapping[str, float]) -> None:
         """Rest at these positions [rad], limited to the range, whatever the references were."""
         for name, position in positions.items():
-            lower, upper = self.limits[name]
-            held = max(lower, min(upper, position))
-            self._sources[name] = _Source(held=held)
-            self._interrupted.add(name)
-            if name in self._limiters:
-                self._limiters[name].reset(held)
+            held = limited(position, *self.limits[name])
+            self._hold(name, held)
+            self.limited_references.reset(self._places[name], held)
+        if len(positions) == len(self.limits):
+            self.limited_references.restart()
+
+    def _hold(self, name: str, position: float) -> None:
+        """Let a joint's source be a position [rad], at which a stream must not simply go on."""
+        self._splines.pop(name, None)
+        source = self._source_of(name)
+        source[R_KIND], source[R_HELD], source[R_PLANNED] = HOLD, position, 0.0
+        source[R_CLIPPED] = 0.0
+        self._interrupted.add(name)
+
+    def _source_of(self, name: str) -> Any:
+        return self.limited_references.sources[self._places[name]]
 
     def speed(self, name: str) -> float:
         """The speed of a joint's newest reference [rad/s]; 0 for a joint without limits."""
-        limiter = self._limiters.get(name)
-        return 0.0 if limiter is None else abs(limiter.state.velocity)
+        if name not in self.motion:
+            return 0.0
+        return abs(self.limited_references.state(self._places[name]).velocity)
 
     def lead(self, name: str, position: float) -> None:
         """Hold a joint at a position [rad] that its law moves from cycle to cycle."""
-        lower, upper = self.limits[name]
-        self._sources[name] = _Source(held=max(lower, min(upper, position)))
-        self._interrupted.add(name)
+        self._hold(name, limited(position, *self.limits[name]))
 
     def stop(self, names: Sequence[str], now: float) -> None:
         """Brake with the joint's limit of acceleration and hold; without limits at once.
@@ -150,15 +152,13 @@ class ReferenceGenerator:
         now : float
             Present time [s].
         """
-        for name in names or self._sources:
-            lower, upper = self.limits[name]
-            limiter = self._limiters.get(name)
-            if limiter is None:
-                held = self.sample(name, now).position
+        for name in names or self.limits:
+            if name in self.motion:
+                state = self.limited_references.state(self._places[name])
+                held = self.motion[name].rest(state)
             else:
-                held = limiter.limits.rest(limiter.state)
-            self._sources[name] = _Source(held=max(lower, min(upper, held)))
-            self._interrupted.add(name)
+                held = self.sample(name, now).position
+            self._hold(name, limited(held, *self.limits[name]))
 
     def follow(
         self,
@@ -193,7 +193,7 @@ class ReferenceGenerator:
         """
         planned = self.plan(names, points, start=start, now=now)
         if planned is None:
-            self.stop([name for name in names if name in self._sources], now)
+            self.stop([name for name in names if name in self.limits], now)
             return ""
         references = self.references_at_join(planned, now)
         splines, note = self.join(planned, references, now)
@@ -253,7 +253,10 @@ class ReferenceGenerator:
         for name, spline in splines.items():
             lower, upper = self.limits[name]
             planned = within(spline.lowest, lower, upper) and within(spline.highest, lower, upper)
-            self._sources[name] = _Source(spline.end_position, spline, planned=planned)
+            source = self._source_of(name)
+            source[R_KIND], source[R_HELD] = TRAJECTORY, spline.end_position
+            source[R_PLANNED], source[R_CLIPPED] = float(planned), 0.0
+            self._splines[name] = spline
 
     def stream(
         self,
@@ -298,19 +301,18 @@ class ReferenceGenerator:
         ]
         self._check_continued(names, positions, now)
         for index, name in enumerate(names):
-            source = self._sources[name]
-            velocity = velocities[index] if len(velocities) else 0.0
-            if source.stream is None:
+            source = self._source_of(name)
+            if source[R_KIND] != STREAM:
                 start = now + self.horizon
                 state = self.sample(name, start)
-                source = _Source(
-                    held=state.position,
-                    stream=_Stream(positions[index], velocity, now, state, start),
-                )
-                self._sources[name] = source
-            else:
-                stream = source.stream
-                stream.target, stream.velocity, stream.received = positions[index], velocity, now
+                self._splines.pop(name, None)
+                source[R_POSITION : R_ADVANCED + 1] = [
+                    state.position, state.velocity, state.acceleration, start,
+                ]  # fmt: skip
+                source[R_KIND], source[R_PLANNED], source[R_CLIPPED] = STREAM, 0.0, 0.0
+                source[R_HELD] = state.position
+            source[R_TARGET], source[R_RECEIVED] = positions[index], now
+            source[R_SPEED] = velocities[index] if len(velocities) else 0.0
 
     def refused_stream(self, names: Sequence[str], now: float) -> None:
         """Note a streamed command at `now` [s] that was refused because nothing may move.
@@ -318,7 +320,7 @@ class ReferenceGenerator:
         The stream may not move a joint later, just because it continues; see `_check_continued`.
         """
         for name in names:
-            if name in self._sources:
+            if name in self.limits:
                 self._heard[name] = now
                 self._interrupted.add(name)
 
@@ -349,74 +351,41 @@ class ReferenceGenerator:
 
     def advance(self, now: float) -> list[str]:
         """Advance to `now` [s] and the horizon; return the joints whose stream timed out."""
-        expired = []
-        until = now + self.horizon
-        for name, source in self._sources.items():
-            stream = source.stream
-            if stream is not None and now - stream.received > self.stream_timeout:
-                expired.append(name)
-                self.stop([name], now)
-            elif stream is not None:
-                while stream.advanced < until:
-                    step = min(until - stream.advanced, LONGEST_FILTER_STEP)
-                    self._filter(name, stream, step)
-                    stream.advanced += step
-        for name, limiter in self._limiters.items():
-            limiter.advance(until, partial(self._source, name), self._sources[name].planned)
+        expired: list[str] = []
+        until, references = now + self.horizon, self.limited_references
+        if advance_streams(
+            references.rows, references.sources, now, until, self.stream_timeout,
+            self.stream_bandwidth,
+        ):  # fmt: skip
+            expired = [
+                name
+                for name, source in zip(self.limits, references.sources, strict=True)
+                if source[R_KIND] == STREAM and now - source[R_RECEIVED] > self.stream_timeout
+            ]
+            self.stop(expired, now)
+        references.advance(
+            until, [(self._places[name], spline.sample) for name, spline in self._splines.items()]
+        )
         return expired
-
-    def _filter(self, name: str, stream: _Stream, step: float) -> None:
-        bandwidth = min(self.stream_bandwidth, 0.5 / step)
-        target = stream.target + stream.velocity * (stream.advanced - stream.received)
-        q, qd = stream.state.position, stream.state.velocity
-        motion = self.motion.get(name)
-        gap = target - q
-        closing = 0.5 * bandwidth * abs(gap)
-        if motion is not None:  # a large gap is closed no faster than the reference can brake
-            closing = min(closing, math.sqrt(motion.own_push * abs(gap)))
-        wanted = stream.velocity + math.copysign(closing, gap)
-        qdd = 2.0 * bandwidth * (wanted - qd)
-        stream.limited = False
-        if motion is not None:
-            most = motion.own_push
-            highest = min(most, (motion.velocity - qd) / step)
-            lowest = max(-most, (-motion.velocity - qd) / step)
-            allowed = limited(qdd, min(lowest, most), max(highest, -most))
-            stream.limited, qdd = allowed != qdd, allowed
-        qd += qdd * step
-        stream.state = JointReference(q + qd * step, qd, qdd)
 
     def sample(self, name: str, time: float) -> JointReference:
         """The reference of a joint at `time` [s], which may be slightly before or after now."""
-        limiter = self._limiters.get(name)
-        return self._source(name, time) if limiter is None else limiter.sample(time)
-
-    def _source(self, name: str, time: float) -> JointReference:
-        """The reference before its limits of speed and acceleration."""
-        source = self._sources[name]
-        lower, upper = self.limits[name]
-        if source.spline is not None:
-            reference = source.spline.sample(time)
-        elif source.stream is not None:
-            state, ahead = source.stream.state, time - source.stream.advanced
-            reference = JointReference(
-                state.position + ahead * (state.velocity + 0.5 * ahead * state.acceleration),
-                state.velocity + ahead * state.acceleration,
-                state.acceleration,
-            )
+        place = self._places[name]
+        if name in self.motion:
+            return self.limited_references.sample(place, time)
+        spline = self._splines.get(name)
+        if spline is None:
+            state = held_or_streamed(self._source_of(name), time)
         else:
-            reference = JointReference(source.held)
-        if reference.position < lower:
-            return JointReference(lower)
-        if reference.position > upper:
-            return JointReference(upper)
-        return reference
+            reference = spline.sample(time)
+            state = reference.position, reference.velocity, reference.acceleration
+        return JointReference(*in_range(self.limited_references.rows[place], state))
 
     def limited(self, name: str) -> bool:
         """Whether the reference differs from what was asked for because of the limits of motion."""
-        stream = self._sources[name].stream
-        limiter = self._limiters.get(name)
-        return (stream is not None and stream.limited) or (limiter is not None and limiter.limited)
+        if self._source_of(name)[R_CLIPPED] > 0.0:
+            return True
+        return name in self.motion and self.limited_references.is_limited(self._places[name])
 
     def held_back(self, name: str) -> bool:
         """Whether the limits of motion keep the reference away from what was asked for.
@@ -425,26 +394,28 @@ class ReferenceGenerator:
         """
         if not self.limited(name):
             return False
-        source, limiter = self._sources[name], self._limiters.get(name)
-        stream = source.stream
-        if stream is None:
-            return limiter is not None and limiter.gap > RESUMED_WITHIN
-        state = stream.state if limiter is None else limiter.state
-        asked = stream.target + stream.velocity * (stream.advanced - stream.received)
-        lag = 2.0 * abs(state.velocity) / self.stream_bandwidth
-        return abs(limited(asked, *self.limits[name]) - state.position) > RESUMED_WITHIN + lag
+        source, place = self._source_of(name), self._places[name]
+        if source[R_KIND] != STREAM:
+            return name in self.motion and self.limited_references.gap(place) > RESUMED_WITHIN
+        position, velocity = float(source[R_POSITION]), float(source[R_VELOCITY])
+        if name in self.motion:
+            state = self.limited_references.state(place)
+            position, velocity = state.position, state.velocity
+        asked = source[R_TARGET] + source[R_SPEED] * (source[R_ADVANCED] - source[R_RECEIVED])
+        lag = 2.0 * abs(velocity) / self.stream_bandwidth
+        away = abs(limited(float(asked), *self.limits[name]) - position)
+        return away > RESUMED_WITHIN + lag
 
     def following(self, name: str) -> str:
         """The joint's present source: "trajectory", "stream" or "hold"."""
-        source = self._sources[name]
-        if source.spline is not None:
+        if name in self._splines:
             return "trajectory"
-        return "stream" if source.stream is not None else "hold"
+        return "stream" if self._source_of(name)[R_KIND] == STREAM else "hold"
 
     def spline(self, name: str) -> JointSpline | None:
         """The joint's trajectory; None if it follows none."""
-        return self._sources[name].spline
+        return self._splines.get(name)
 
     def follows(self, name: str, spline: JointSpline) -> bool:
         """Whether this spline is still the joint's source."""
-        return self._sources[name].spline is spline
+        return self._splines.get(name) is spline

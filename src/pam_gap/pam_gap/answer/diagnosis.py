@@ -73,7 +73,7 @@ class ScoredCandidate:
     label: str = ""
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class Diagnosis:
     """The answer for one joint.
 

@@ -26,7 +26,10 @@ STYLE = """
             padding: 1rem 1.2rem; font-size: 1.25rem; }
  .verdict b { display: block; font-size: .95rem; letter-spacing: .03em; }
  .verdict small { display: block; font-size: .95rem; color: var(--quiet); margin-top: .4rem; }
+ h1 { font-size: 1.5rem; margin: 0 0 .6rem; }
  h2 { margin-top: 2.2rem; border-bottom: 1px solid var(--line); }
+ figure { margin: 1rem 0; } figcaption { color: var(--quiet); font-size: .92rem; }
+ summary { cursor: pointer; margin: .4rem 0; }
  .wide { overflow-x: auto; }
  table { border-collapse: collapse; font-size: .92rem; } td, th { padding: .2rem .8rem .2rem 0;
  text-align: left; vertical-align: top; overflow-wrap: normal; }
@@ -41,6 +44,10 @@ STYLE = """
  .origin td { overflow-wrap: anywhere; }
  code { background: var(--box); padding: 0 .25rem; }
  .quiet { color: var(--quiet); }
+ @media (max-width: 40rem) { body { margin: .6rem auto; padding: 0 .7rem; }
+  h1 { font-size: 1.2rem; margin-bottom: .4rem; }
+  .verdict { padding: .6rem .8rem; font-size: 1.1rem; }
+  .plot { margin: .6rem 0; } }
  @media print { body { margin: 0; } img { min-width: 0; } h2 { break-after: avoid; } }
 """
 """Style sheet; `--verdict` is the colour of the bar next to the first sentence."""

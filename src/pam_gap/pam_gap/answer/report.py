@@ -6,7 +6,7 @@ recording or a rig file is escaped (Jinja2 autoescape).
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,7 @@ from typing import Any
 import jinja2
 import matplotlib as mpl
 
+from pam_gap.answer.headline import LEAST_SHOWN, marginals
 from pam_gap.answer.page_style import STYLE, VERDICT_COLOURS, VERDICT_WORDS
 from pam_gap.answer.report_figures import (
     RankedCandidate,
@@ -22,7 +23,16 @@ from pam_gap.answer.report_figures import (
     draw_shrinkage,
     draw_stages,
 )
-from pam_gap.answer.traces import RETUNED, WITH_ANSWER, Trace, draw, short_name
+from pam_gap.answer.report_words import (
+    closed_words,
+    error_words,
+    leftover_words,
+    legend_words,
+    ranking_words,
+    shrinkage_words,
+    stage_words,
+)
+from pam_gap.answer.traces import RETUNED, WITH_ANSWER, Trace, draw
 from pam_gap.answer.user_units import percent, spoken, told
 from pam_model.effects import EFFECTS
 from pam_ros.missing_packages import what_to_install
@@ -35,6 +45,8 @@ class ReportData:
     """Everything that the page shows."""
 
     title: str
+    headline: str
+    """The answer in one line."""
     verdict_sentence: str
     diagnosis: Mapping[str, Any]
     """The content of diagnosis.json."""
@@ -58,29 +70,46 @@ _PAGE = """<!doctype html>
 <style>
 {{ style | safe }}</style></head><body><main>
 <h1>{{ d.title }}</h1>
-<div class="verdict" style="--verdict: {{ colour }}"><b>{{ word }}</b>{{ d.verdict_sentence }}
-{% if closed %}<small>{{ closed }}</small>{% endif %}</div>
+<div class="verdict" style="--verdict: {{ colour }}"><b>{{ word }}</b>{{ d.headline }}
+{% if stated %}<small>Probability: {{ stated }}</small>{% endif %}</div>
 
 {% if drawn %}<figure class="plot" aria-label="Error of the prediction of
 {{ first.channel }} over the whole recording: {{ headline_words }}">
 <b>{{ first.channel }}: predicted minus measured</b>{{ drawn.parts[0] | safe }}
-<figcaption class="quiet">{{ headline_words }} {{ legend }} {{ band }}Drag over a part
+<figcaption>{{ headline_words }} {{ legend }} {{ band }}Drag over a part
 to enlarge it; the circular arrow shows all again; a click on a name in the legend hides its
 curve.</figcaption>
 </figure><noscript><p>The traces need JavaScript, which is in this page itself.</p></noscript>
 {% elif no_figures %}<p class="quiet">There are no traces here: {{ no_figures }}.</p>{% endif %}
 
-{% if probabilities %}<h2>How probable each explanation is</h2>
+<p>{{ d.verdict_sentence }}{% if closed %} {{ closed }}{% endif %}</p>
+{% if diagnosis.get('preferred') %}<p>{{ diagnosis.preferred }}</p>{% endif %}
+{% if leftover %}<p><b>What is left.</b> {{ leftover }}</p>{% endif %}
+<p><b>What to record next.</b>
+{{ diagnosis.next_experiment or 'This verdict needs no further experiment.' }}</p>
+{% if d.improved_rig %}<p><b>What to use.</b> The
+{{ 'improved' if diagnosis.effects else 're-tuned' }} rig file is
+<code>{{ d.improved_rig }}</code>. Simulation, model node and controller can read it in place of
+your rig file.{% if not diagnosis.effects %} It contains no effect, only numbers that were changed
+within their tolerance.{% endif %}</p>{% endif %}
+
+{% if causes %}<h2>How probable each cause is</h2>
 <div class="wide" tabindex="0"><table class="bars">
-<tr><th>explanation</th><th class="n">probability</th><td></td></tr>
-{% for p in probabilities %}<tr><td>{{ p.name }}</td><td class="n">{{ p.words }}</td>
+<tr><th>cause</th><th class="n">probability</th><td></td></tr>
+{% for p in causes %}<tr><td>{{ p.name }}</td><td class="n">{{ p.words }}</td>
 <td class="bar"><span style="width: {{ '%.1f' % p.width }}%"></span></td></tr>
 {% endfor %}</table></div>
-<p class="quiet">These explanations exclude each other, and their probabilities add up to 100 %.
-&ldquo;Unknown&rdquo; is a cause that is not in the table of effects; &ldquo;none&rdquo; is an
-ordinary good rig. How far such numbers can be trusted was measured on simulated rigs.</p>
-{% if diagnosis.get('preferred') %}<p>{{ diagnosis.preferred }}</p>{% endif %}{% endif %}
-{% if leftover %}<p><b>What is left.</b> {{ leftover }}</p>{% endif %}
+<p class="quiet">The probability of a cause, alone or together with others; a rig may have several
+causes, so that the sum can exceed 100 %. &ldquo;Unknown&rdquo; is a cause that is not in the table
+of effects; &ldquo;none&rdquo; is an ordinary good rig. How far such numbers can be trusted was
+measured on simulated rigs.</p>
+<details><summary>Which sets of causes these probabilities come from</summary>
+<div class="wide" tabindex="0"><table>
+<tr><th>exactly these causes</th><th class="n">share</th></tr>
+{% for p in explanations %}<tr><td>{{ p.name }}</td><td class="n">{{ p.words }}</td></tr>
+{% endfor %}</table></div>
+<p class="quiet">These explanations exclude each other, and their shares add up to 100 %. The
+probability of a cause is the sum over all sets that contain it.</p></details>{% endif %}
 
 {% if sizes %}<h2>How large the gap is</h2>
 <div class="wide" tabindex="0"><table>
@@ -108,21 +137,21 @@ below the limit, {{ limit }} of the range, does not matter; of what no effect ex
 {% endfor %}{% endfor %}</table></div>{% endif %}
 
 {% if d.stages %}<h2>Where the gap arises</h2>
-<div class="wide" tabindex="0"><img alt="The chain of stages from valve to sensing, with the error
-of each as a multiple of its noise" src="{{ stages }}"></div>
-<p class="quiet">Each stage is simulated from its measured inputs. {{ stage_words }}</p>
+<figure><div class="wide" tabindex="0"><img alt="The chain of stages from valve to sensing, with
+the error of each as a multiple of its noise" src="{{ stages }}"></div>
+<figcaption>{{ stage_words }} Each stage is simulated from its measured
+inputs.</figcaption></figure>
 {% for s in d.stages if s.note %}<p class="quiet">{{ s.stage }}: {{ s.note }}</p>{% endfor %}
 {% if d.regimes %}<p>The gap is largest in these regimes of the motion:
 {% for name, part in d.regimes %}{{ name }} ({{ '%.1f' % part }} times
 the average squared error){{ ', ' if not loop.last }}{% endfor %}.</p>{% endif %}{% endif %}
 
 {% if ranking %}<h2>Which effect explains the gap</h2>
-<div class="wide" tabindex="0"><img alt="Share of the gap that each candidate leaves, with
+<figure><div class="wide" tabindex="0"><img alt="Share of the gap that each candidate leaves, with
 intervals" src="{{ ranking }}"></div>
-<p class="quiet">Best first, by the sum of the logarithms of the errors of all channels, so that a
-channel with small errors counts as well. The shares are of the RMS error of all together.</p>
-{% if diagnosis.get('preferred') and not probabilities %}<p>{{ diagnosis.preferred }}</p>{% endif %}
-{% endif %}
+<figcaption>{{ ranking_words }} Best first, by the sum of the logarithms of the errors of all
+channels, so that a channel with small errors counts as well. The shares are of the RMS error of all
+together.</figcaption></figure>{% endif %}
 {% if diagnosis.indistinguishable %}
 <p>This recording cannot distinguish:
 {% for group in diagnosis.indistinguishable %}<br>{{ group | map('spoken') | join(', ') }}
@@ -130,9 +159,9 @@ channel with small errors counts as well. The shares are of the RMS error of all
 {% endif %}
 
 {% if diagnosis.gap and shrinkage %}<h2>How far the gap closes</h2>
-<div class="wide" tabindex="0"><img alt="Error of each channel over its noise floor, as written and
-with the answer" src="{{ shrinkage }}"></div>
-{% endif %}
+<figure><div class="wide" tabindex="0"><img alt="Error of each channel over its noise floor, as
+written and with the answer" src="{{ shrinkage }}"></div>
+<figcaption>{{ shrinkage_words }}</figcaption></figure>{% endif %}
 {% if horizons %}<div class="wide" tabindex="0"><table>
 <tr><th>horizon</th><th>channel</th><th class="n">as written</th><th class="n">with the answer</th>
 <th class="n">noise alone</th></tr>
@@ -143,16 +172,12 @@ with the answer" src="{{ shrinkage }}"></div>
 
 {% if drawn %}<h2>Measured and predicted</h2>
 {% for trace in d.traces %}<figure class="plot"><b>{{ trace.channel }}: measured and predicted</b>
-{{ drawn.parts[2 * loop.index0 + 1] | safe }}</figure>
+{{ drawn.parts[2 * loop.index0 + 1] | safe }}
+<figcaption>The nearer a coloured curve stays to the grey one, the better it predicts this
+channel.</figcaption></figure>
 <figure class="plot"><b>{{ trace.channel }}: predicted minus measured</b>
-{{ drawn.parts[2 * loop.index0 + 2] | safe }}</figure>{% endfor %}{% endif %}
-
-<h2>What to do next</h2>
-<p>{{ diagnosis.next_experiment or 'This verdict needs no further experiment.' }}</p>
-{% if d.improved_rig %}<p>The {{ 'improved' if diagnosis.effects else 're-tuned' }} rig file is
-<code>{{ d.improved_rig }}</code>. Simulation, model node and controller can read it in place of
-your rig file.{% if not diagnosis.effects %} It contains no effect, only numbers that were changed
-within their tolerance.{% endif %}</p>{% endif %}
+{{ drawn.parts[2 * loop.index0 + 2] | safe }}
+<figcaption>{{ trace_words[loop.index0] }}</figcaption></figure>{% endfor %}{% endif %}
 
 <h2>The data</h2>
 <ul>{% for r in d.repairs %}<li>{{ r }}</li>{% else %}<li>The recordings needed no repair.</li>
@@ -171,59 +196,26 @@ in this recording, which therefore can neither show nor exclude them:
 """
 
 
-def _closed_sentence(closed: Mapping[str, float] | None) -> str:
-    if not closed:
-        return ""
-    low, high = (max(100.0 * closed[key], 0.0) for key in ("low", "high"))
-    return (
-        f"The improved rig file closes {max(100.0 * closed['value'], 0.0):.0f} % of the gap of all "
-        "channels together, on data that were not used for the fit (90 % interval "
-        f"{low:.0f} to {high:.0f} %)."
-    )
-
-
 def _blamed_stages(diagnosis: Mapping[str, Any]) -> set[str]:
     """The stages of all effects of the answer; without effects, that of the largest gap."""
     named: set[str] = {EFFECTS[effect].stage for effect in diagnosis["effects"]}
     return named or ({diagnosis["stage"]} if diagnosis["stage"] else set())
 
 
-def _stage_words(blamed: Collection[str], verdict: str) -> str:
-    if not blamed:
-        return "No stage is coloured, because none is to blame."
-    if len(blamed) > 1:
-        possible = "possible causes" if verdict == "ambiguous" else "causes"
-        return f"The coloured stages are those of the {possible}; errors of the others can follow."
-    why = "the largest gap over its noise" if verdict == "unknown" else "the cause"
-    return f"The coloured stage is that of {why}; errors of the others can come from it."
+def _rows(shown: Sequence[tuple[str, float]]) -> list[dict[str, Any]]:
+    return [
+        {"name": spoken(n), "words": percent(p), "width": min(100.0 * p, 100.0)} for n, p in shown
+    ]
 
 
-LEAST_SHOWN = 0.005
-"""Probability below which an explanation is listed together with the others."""
-
-
-def _probabilities(found: Mapping[str, float]) -> list[dict[str, Any]]:
+def _explanations(found: Mapping[str, float]) -> list[dict[str, Any]]:
+    """The explanations that exclude each other; those below `LEAST_SHOWN` in one row."""
     shown = {name: p for name, p in found.items() if p >= LEAST_SHOWN}
     rest = sum(found.values()) - sum(shown.values())
-    rows = [(spoken(name), p) for name, p in shown.items()]
+    rows = list(shown.items())
     if rest >= LEAST_SHOWN:
         rows.append((f"{len(found) - len(shown)} others together", rest))
-    return [{"name": n, "words": percent(p), "width": min(100.0 * p, 100.0)} for n, p in rows]
-
-
-def _leftover(left: Mapping[str, Any] | None, verdict: str) -> str:
-    """What the answer does not explain, where it is largest."""
-    if not left:
-        return ""
-    amount = (
-        f"{told(left['rms'], left['unit'])} at {left['channel']}, "
-        f"{percent(left['share_of_motion'])} of its range, are not explained."
-    )
-    if left["ordinary"]:
-        return f"{amount} That is no more than ordinary imperfections of a good rig leave."
-    if not left["material"]:
-        return f"{amount} That is too little to matter."
-    return f"{amount} {'No effect exceeds it clearly.' if verdict == 'none' else 'That matters.'}"
+    return _rows(rows)
 
 
 def _headline(traces: Sequence[Trace], channels: Mapping[str, Any], named: bool) -> Trace | None:
@@ -236,31 +228,6 @@ def _headline(traces: Sequence[Trace], channels: Mapping[str, Any], named: bool)
         return float(size["before" if named else "retuned"]) / max(float(size["motion"]), 1e-300)
 
     return max(traces, key=share, default=None)
-
-
-def _legend_words(first: Trace) -> str:
-    """What the short names of the curves mean."""
-    words = ["As written: predicted by the rig file as written."]
-    if first.improved is not None:
-        words.append(
-            f"{short_name(first.improved_name).capitalize()}: by the {first.improved_name}."
-        )
-    if first.closest is not None:
-        words.append(f"Closest: by the effects that come closest ({spoken(first.closest_name)}).")
-    return " ".join(words)
-
-
-def _headline_words(first: Trace, channels: Mapping[str, Any]) -> str:
-    """The first figure, as text."""
-    size = channels.get(first.channel)
-    if not size:
-        return f"Error of {first.channel}."
-    unit = str(size["unit"])
-    after = f", {told(size['after'], unit)} with the {first.improved_name}"
-    return (
-        f"RMS error of {first.channel}: {told(size['before'], unit)} as written"
-        f"{after if first.improved is not None else ''}."
-    )
 
 
 def _size_rows(materiality: Mapping[str, Any]) -> list[dict[str, str]]:
@@ -316,6 +283,8 @@ def render(data: ReportData) -> str:
     materiality = diagnosis.get("materiality") or {}
     channels = materiality.get("channels", {})
     named = list(diagnosis["effects"])
+    probabilities = diagnosis.get("probabilities") or {}
+    causes = _rows(marginals(probabilities))
     first = _headline(data.traces, channels, bool(named))
     drawn, no_figures = None, ""
     try:
@@ -325,32 +294,41 @@ def render(data: ReportData) -> str:
         if not no_figures:
             raise
     blamed = _blamed_stages(diagnosis)
+    answer = WITH_ANSWER if named else RETUNED
+    has_shrinkage = bool(diagnosis["gap"]) and verdict != "not_identifiable"
     return environment.from_string(_PAGE).render(
         d=data,
         style=STYLE,
         diagnosis=diagnosis,
         colour=VERDICT_COLOURS.get(verdict, "#6b7280"),
         word=VERDICT_WORDS.get(verdict, verdict),
-        closed=_closed_sentence(diagnosis.get("closed")) if named else "",
+        stated=", ".join(
+            f"{spoken(effect)} {percent(p)}"
+            for effect, p in marginals(probabilities)
+            if effect in named
+        ),
+        closed=closed_words(diagnosis.get("closed")) if named else "",
         drawn=drawn,
         no_figures=no_figures,
         first=first,
-        legend=_legend_words(first) if first is not None else "",
-        headline_words=_headline_words(first, channels) if first is not None else "",
+        legend=legend_words(first) if first is not None else "",
+        headline_words=error_words(first, channels) if first is not None else "",
         band=f"In the grey band, ± {told(first.limit, first.unit)}, an error does not matter. "
         if first is not None and first.limit > 0.0
         else "",
-        probabilities=_probabilities(diagnosis.get("probabilities") or {}),
-        leftover=_leftover(diagnosis.get("leftover"), verdict),
+        causes=causes,
+        explanations=_explanations(probabilities),
+        leftover=leftover_words(diagnosis.get("leftover"), verdict),
         sizes=_size_rows(materiality),
         limit=percent(materiality.get("limit", 0.0)),
         limit_unexplained=percent(materiality.get("limit_unexplained", 0.0)),
         stages=draw_stages(data.stages, blamed) if data.stages else "",
-        stage_words=_stage_words(blamed, verdict),
+        stage_words=stage_words(blamed, verdict),
         ranking=draw_ranking(data.ranking, named) if data.ranking else "",
-        shrinkage=draw_shrinkage(diagnosis["gap"], WITH_ANSWER if named else RETUNED)
-        if diagnosis["gap"] and verdict != "not_identifiable"
-        else "",
+        ranking_words=ranking_words(data.ranking) if data.ranking else "",
+        shrinkage=draw_shrinkage(diagnosis["gap"], answer) if has_shrinkage else "",
+        shrinkage_words=shrinkage_words(diagnosis["gap"], answer) if has_shrinkage else "",
+        trace_words=[error_words(trace, channels) for trace in data.traces],
         horizons=[
             (h, channel, told(before, unit), told(after, unit), told(floor, unit))
             for h, channel, before, after, floor, unit in data.horizons

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import base64
 import io
+import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -111,21 +112,39 @@ def draw_ranking(ranking: Sequence[RankedCandidate], named: Sequence[str]) -> st
         "share of the gap that remains on held-out data, with 90 % interval\n"
         "(1: the whole gap of the re-tuned rig file; above 1: worse than without the effect)"
     )
-    _plain_ticks(axis)
+    _ticks(axis, log_ticks(*axis.get_xlim()))
     axis.grid(axis="x", color="0.9")
     return _svg(figure)
 
 
-FEW = 5.0
-"""Range of a logarithmic axis below which the ticks between powers of ten have numbers."""
 LEAST_REMAINING = 1e-3
 """Smallest share that the logarithmic axis of the ranking shows."""
+MOST_TICKS = 9
 
 
-def _plain_ticks(axis: Axes) -> None:
-    """Numbers instead of powers of ten on a logarithmic axis."""
-    axis.xaxis.set_major_formatter("{x:g}")
-    axis.xaxis.set_minor_formatter("{x:g}" if axis.get_xlim()[1] < FEW * axis.get_xlim()[0] else "")
+def log_ticks(low: float, high: float) -> list[float]:
+    """Round numbers for a logarithmic axis, at least two; the ends may lie outside of low to high.
+
+    Parameters
+    ----------
+    low, high : float
+        Ends of the axis, above 0.
+    """
+    first, last = math.floor(math.log10(low)), math.ceil(math.log10(high))
+    for steps in ((1, 2, 3, 5, 7), (1, 2, 5), (1, 3), (1,)):
+        round_ones = [step * 10.0**k for k in range(first, last + 1) for step in steps]
+        inside = [tick for tick in round_ones if low <= tick <= high]
+        if 2 <= len(inside) <= MOST_TICKS:
+            return inside
+    return inside if len(inside) > 1 else [10.0**first, 10.0 ** max(last, first + 1)]
+
+
+def _ticks(axis: Axes, ticks: Sequence[float]) -> None:
+    """Plain numbers at these places of the x axis alone, which reaches to the outermost of them."""
+    low, high = axis.get_xlim()
+    axis.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+    axis.set_xticks([], minor=True)
+    axis.set_xlim(min(low, ticks[0]), max(high, ticks[-1]))
 
 
 def draw_shrinkage(gap: Mapping[str, Mapping[str, Any]], answer: str = WITH_ANSWER) -> str:
@@ -149,7 +168,7 @@ def draw_shrinkage(gap: Mapping[str, Mapping[str, Any]], answer: str = WITH_ANSW
     axis.invert_yaxis()
     axis.set_xscale("symlog", linthresh=1.0)
     axis.margins(x=0.25)
-    axis.xaxis.set_major_formatter("{x:g}")
+    _ticks(axis, [0.0, *log_ticks(1.0, max(axis.get_xlim()[1], 1.0))])
     axis.set_xlabel("RMS error, noise included, over noise floor, on held-out data")
     figure.legend(*axis.get_legend_handles_labels(), loc="outside upper right", ncols=3)
     return _svg(figure)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pam_gap.answer.diagnosis import Diagnosis
+from pam_gap.answer.headline import headline
 from pam_gap.answer.report import RankedCandidate, ReportData, StageGap
 from pam_gap.answer.traces import RETUNED, WITH_ANSWER, Trace
 from pam_gap.answer.user_units import plain
@@ -65,6 +66,7 @@ def report_data(problem: PredictionProblem, diagnosis: Diagnosis, improved_name:
         shown.append(StageGap("sensing", None, words))
     return ReportData(
         title=f"Diagnosis of {diagnosis.joint}",
+        headline=headline(diagnosis),
         verdict_sentence=diagnosis.sentence,
         diagnosis=diagnosis.to_json(),
         stages=shown,

@@ -129,6 +129,7 @@ class _Page:
         )  # fmt: skip
         made.toolbar.logo = None
         made.xgrid.grid_line_color = made.ygrid.grid_line_color = "#e6e6e6"
+        made.yaxis.ticker.desired_num_ticks = 5
         made.axis.axis_label_text_font_style = "normal"
         made.axis.major_label_text_font_size = made.axis.axis_label_text_font_size = "10pt"
         return made

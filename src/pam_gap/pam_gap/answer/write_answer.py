@@ -8,20 +8,18 @@ import numpy as np
 
 from pam_gap.answer.diagnosis import ChannelGap, Diagnosis, FoundParameter, ScoredCandidate
 from pam_gap.answer.improved_rig import improve_rig
-from pam_gap.answer.user_units import percent
+from pam_gap.answer.user_units import spoken
 from pam_gap.experiments.next_experiment import Proposal
 from pam_gap.inference.confidence import (
     Interval,
     floor_reach,
-    for_another_motion,
     gap_closed,
     parameter_intervals,
 )
-from pam_gap.inference.decision import Decision, Judge
+from pam_gap.inference.decide import Verdict, closed_by
+from pam_gap.inference.evidence import Evidence
 from pam_gap.inference.held_out import Folds, HeldOut
 from pam_gap.inference.hypothesis import Hypothesis, HypothesisFitter
-from pam_gap.inference.named_effects import named_effects
-from pam_gap.inference.probabilities import probabilities
 from pam_gap.inference.selection import bootstrap_weights
 from pam_gap.prediction.channel_order import BOTH_FORCES, UNITS
 from pam_gap.prediction.fit import Array
@@ -42,136 +40,85 @@ class AnswerForm:
         The fitter of the diagnosis.
     folds : Folds
         The folds on which hypotheses were scored.
-    judge : Judge
-        The judge that took the decision.
+    evidence : Evidence
+        What the search found.
+    verdict : Verdict
+        What it says.
     """
 
-    def __init__(self, fitter: HypothesisFitter, folds: Folds, judge: Judge) -> None:
+    def __init__(
+        self,
+        fitter: HypothesisFitter,
+        folds: Folds,
+        evidence: Evidence[HeldOut],
+        verdict: Verdict[HeldOut],
+    ) -> None:
         self.fitter = fitter
         self.folds = folds
-        self.judge = judge
-        self.rules = judge.rules
+        self.evidence = evidence
+        self.verdict = verdict
+        self.judge = verdict.judge
+        self.rules = verdict.judge.rules
         self.problem = fitter.problem
         self.floor = fitter.floor
         self.present = self.problem.present
         self.rig, self.joint = self.problem.rig, self.problem.joint
 
-    def fill(
-        self,
-        decision: Decision[HeldOut],
-        singles: Sequence[str],
-        written: HeldOut,
-        nominal: HeldOut,
-        location: Location,
-        shown: HeldOut | None = None,
-    ) -> Diagnosis:
-        """Return the answer with all fields that follow from the decision.
+    def fill(self, location: Location) -> Diagnosis:
+        """Return the answer with all fields that follow from the verdict.
+
+        The improved rig file, and what it closes, are those of the fit that a rig file can hold
+        (`Evidence.improved`).
 
         Parameters
         ----------
-        decision : Decision
-            Verdict, chosen hypothesis and rivals.
-        singles : sequence of str
-            All effects in the order of what each explains alone.
-        written, nominal : HeldOut
-            Scores of the plant in the rig file, as written and re-tuned without effects.
         location : Location
             Where the gap arises.
-        shown : HeldOut, optional
-            The chosen hypothesis, fitted again as a rig file can hold it; the improved rig file
-            and what it closes are those of this fit. Without it, there is no improved rig file.
         """
-        verdict, tried = decision.verdict, decision.tried
-        is_named = decision.is_named and decision.chosen is not None
-        final = decision.chosen if is_named and decision.chosen is not None else nominal
-        chosen = final
-        if is_named and shown is not None:
-            final = shown
-        effects, groups = named_effects(decision, singles)
-        stage: str | None = EFFECTS[effects[0]].stage if effects else None
-        ranking = self.ranking(nominal, tried)
-        if verdict == "unknown":
-            stage = location.worst
+        evidence, verdict, decision = self.evidence, self.verdict, self.verdict.decision
+        named, shown = verdict.named, evidence.improved
+        chosen = evidence.nominal if named is None else named
+        final = shown or chosen
+        is_unknown = decision.verdict == "unknown"
         ordinary: tuple[str, ...] = ()
         if decision.chosen is not None:
             fitted = final.effects if shown is not None else decision.chosen.effects
             ordinary = tuple(e for e in fitted if e not in decision.chosen.causes)
+        ranking = self.ranking(evidence.nominal, decision.tried)
         values = self.fitter.vector(final.hypothesis.members, final.hypothesis.result.values)
         return Diagnosis(
-            verdict=verdict,
-            stage=stage,
-            effects=effects,
-            candidates=self.judge.weights(decision, singles),
-            indistinguishable=groups,
-            parameters=self.parameters(final.hypothesis, chosen.hypothesis) if is_named else {},
-            gap=self.gap(written, final),
-            sizes=self.sizes(written, nominal, final),
+            verdict=decision.verdict,
+            stage=verdict.stage,
+            effects=verdict.effects,
+            candidates=verdict.candidates,
+            indistinguishable=verdict.indistinguishable,
+            parameters={}
+            if named is None
+            else self.parameters(final.hypothesis, chosen.hypothesis),
+            gap=gap_of(self.fitter, evidence.written, final),
+            sizes=self.sizes(evidence.written, evidence.nominal, final),
             material_share=self.rules.material_share,
             unexplained_share=self.rules.material_share * self.rules.unexplained_factor,
-            closed=for_another_motion(
-                gap_closed(written, final, self.floor, self.present, self.rules),
-                written,
-                self.floor,
-                self.present,
-                self.rules,
-                has_background=self.judge.has_background,
-            )
-            if shown is not None
-            else None,
+            closed=closed_by(evidence, verdict, self.problem.rules),
             next_experiment="",
-            probabilities=probabilities(self.judge, nominal, decision),
+            probabilities=verdict.probabilities,
             joint=self.rig.joints[self.joint].name,
             ranking=ranking,
-            preferred=why_preferred(chosen.effects, ranking) if is_named else "",
+            preferred="" if named is None else why_preferred(chosen.effects, ranking),
             looks_like=decision.better.unlisted
-            if verdict == "unknown" and decision.better is not None
+            if is_unknown and decision.better is not None
             else "",
             location=location,
             horizons=tuple(gap_figures(self.problem, self.problem.base.values, values)),
             improved=None if shown is None else self.improved(shown.hypothesis),
-            retuned=self.improved(final.hypothesis) if verdict == "unknown" else None,
+            retuned=self.improved(final.hypothesis) if is_unknown else None,
             ordinary=ordinary,
             written_values=self.problem.base.values,
             improved_values=values,
-            closest_values=self.closest(tried) if verdict == "unknown" else None,
-            survivors=(chosen.hypothesis, *(r.hypothesis for r in decision.rivals))
-            if is_named
-            else (),
-            facts={
-                "level_before": self.judge.level(nominal),
-                "level_after": self.judge.level(chosen),
-            },
-        )
-
-    def not_identifiable(
-        self, missing: Sequence[str], written: HeldOut, location: Location | None
-    ) -> Diagnosis:
-        """The answer for recordings that do not hold enough, with what they lack.
-
-        Parameters
-        ----------
-        missing : sequence of str
-            What they lack.
-        written : HeldOut
-            Score of the plant as written in the rig file.
-        location : Location or None
-            Where a gap shows, if any data count.
-        """
-        return Diagnosis(
-            verdict="not_identifiable",
-            stage=None,
-            effects=(),
-            candidates=(),
-            indistinguishable=(),
-            parameters={},
-            gap=self.gap(written, written) if location is not None else {},
-            closed=None,
-            next_experiment="",
-            joint=self.rig.joints[self.joint].name,
-            location=location,
-            missing=tuple(missing),
-            written_values=self.problem.base.values,
-            improved_values=self.problem.base.values,
+            closest_values=self.closest(decision.tried) if is_unknown else None,
+            survivors=()
+            if named is None
+            else (chosen.hypothesis, *(r.hypothesis for r in decision.rivals)),
         )
 
     def closest(self, tried: Sequence[HeldOut]) -> Array | None:
@@ -211,19 +158,6 @@ class AnswerForm:
         intervals = parameter_intervals(self.fitter, self.folds, h)[len(self.fitter.nuisances) :]
         names = [(member.effect, name) for member in h.members for name in member.parameter_names]
         return dict(zip(names, intervals, strict=True))
-
-    def gap(self, before: HeldOut, after: HeldOut) -> dict[str, ChannelGap]:
-        """RMS prediction error of each channel on held-out data."""
-        scale = np.sqrt(np.mean([d.block_deviation**2 for d in self.problem.data], axis=0))
-        return {
-            self.problem.names[c]: ChannelGap(
-                float(np.sqrt(before.simulated.mean_square[c]) * scale[c]),
-                float(np.sqrt(after.simulated.mean_square[c]) * scale[c]),
-                float(np.sqrt(self.floor[c]) * scale[c]),
-                UNITS[c],
-            )
-            for c in np.nonzero(self.present)[0]
-        }
 
     def sizes(self, written: HeldOut, nominal: HeldOut, final: HeldOut) -> tuple[GapSize, ...]:
         """The gap of each channel in its unit and as a share of the motion."""
@@ -290,13 +224,63 @@ class AnswerForm:
         return improve_rig(self.rig, self.joint, h, targets, factor)
 
 
+def gap_of(fitter: HypothesisFitter, before: HeldOut, after: HeldOut) -> dict[str, ChannelGap]:
+    """RMS prediction error of each channel on held-out data."""
+    problem = fitter.problem
+    scale = np.sqrt(np.mean([d.block_deviation**2 for d in problem.data], axis=0))
+    return {
+        problem.names[c]: ChannelGap(
+            float(np.sqrt(before.simulated.mean_square[c]) * scale[c]),
+            float(np.sqrt(after.simulated.mean_square[c]) * scale[c]),
+            float(np.sqrt(fitter.floor[c]) * scale[c]),
+            UNITS[c],
+        )
+        for c in np.nonzero(problem.present)[0]
+    }
+
+
+def not_identifiable(
+    fitter: HypothesisFitter, missing: Sequence[str], written: HeldOut, location: Location | None
+) -> Diagnosis:
+    """The answer for recordings that do not hold enough, with what they lack.
+
+    Parameters
+    ----------
+    fitter : HypothesisFitter
+        The fitter of the diagnosis.
+    missing : sequence of str
+        What the recordings lack.
+    written : HeldOut
+        Score of the plant as written in the rig file.
+    location : Location or None
+        Where a gap shows, if any data count.
+    """
+    problem = fitter.problem
+    return Diagnosis(
+        verdict="not_identifiable",
+        stage=None,
+        effects=(),
+        candidates=(),
+        indistinguishable=(),
+        parameters={},
+        gap=gap_of(fitter, written, written) if location is not None else {},
+        closed=None,
+        next_experiment=advice("not_identifiable", None, problem.present),
+        joint=problem.rig.joints[problem.joint].name,
+        location=location,
+        missing=tuple(missing),
+        written_values=problem.base.values,
+        improved_values=problem.base.values,
+    )
+
+
 def why_preferred(chosen: Sequence[str], ranking: Sequence[ScoredCandidate]) -> str:
     """Why an explanation was preferred to a better fitting one; empty if none fits better."""
     own = next((entry for entry in ranking if set(entry.effects) == set(chosen)), None)
     best = max(ranking, key=lambda entry: entry.weight, default=None)
     if own is None or best is None or best is own or best.weight <= own.weight:
         return ""
-    mine, other = (" + ".join(entry.effects) for entry in (own, best))
+    mine, other = (" + ".join(map(spoken, entry.effects)) for entry in (own, best))
     if set(best.effects) > set(own.effects):
         reason = "a further effect is only accepted if it lowers the error clearly"
     elif len(best.effects) > len(own.effects):
@@ -309,11 +293,7 @@ def why_preferred(chosen: Sequence[str], ranking: Sequence[ScoredCandidate]) -> 
         if max(best.level, own.level) < 0.005  # shown as 0.00
         else f"sum of the log errors {levels}"
     )
-    return (
-        f"{other} fits this recording better: it leads in {percent(best.weight)} of the resampled "
-        f"recordings, {mine} in {percent(own.weight)}. {mine} was preferred because {reason} "
-        f"({shown})."
-    )
+    return f"{other} fits this recording better ({shown}). {mine} was preferred because {reason}."
 
 
 def advice(verdict: str, proposal: Proposal | None, present: np.ndarray) -> str:

@@ -30,6 +30,7 @@ MORE: Mapping[str, str] = {
     "sonic_conductance": "fast filling and emptying, with the valve fully open at times",
     "critical_ratio": "filling until the pressure is near the supply, emptying until near ambient",
     "time_constant": "steps of the commands, recorded at 500 Hz or more",
+    "damping": "steps of the commands, recorded at 500 Hz or more",
     "supply_pressure": "a pressure gauge at the supply, or filling until the pressure stands still",
     "gain": "a reference gauge at the sensor",
     "bias": "a rest with both muscles vented",

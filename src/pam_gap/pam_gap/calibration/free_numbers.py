@@ -26,6 +26,9 @@ JOINT = {"pulley_radius": STATICS, "inertia": BODY, "viscous_friction": BODY,
 MUSCLE = {"thread_length": STATICS, "turns": STATICS, "neutral_length": STATICS,
           "dead_volume": GAS}  # fmt: skip
 VALVE = {"sonic_conductance": GAS, "critical_ratio": GAS, "time_constant": GAS}
+OF_REGULATOR = {"damping": GAS}
+DAMPING = (0.3, 1.5)
+"""Damping ratios of regulators, of which a data sheet says nothing; 0.65 was measured on one."""
 OF_LENGTHS = ("pulley_radius", "thread_length", "turns", "neutral_length", "supply_pressure")
 """Numbers that a tape, a count or a gauge gives, which are known better than the others."""
 ANGLES = ("gravity_angle",)
@@ -146,6 +149,8 @@ def free_numbers(
     for side in SIDES:
         names |= {f"{side}.{key}": stage for key, stage in MUSCLE.items()}
         names |= {f"{side}.valve.{key}": stage for key, stage in VALVE.items()}
+        if partial.rig.muscle(joint.muscles[SIDES.index(side)]).valve.kind != "flow":
+            names |= {f"{side}.valve.{key}": stage for key, stage in OF_REGULATOR.items()}
     names["supply_pressure"] = GAS
     found = []
     for name, stage in names.items():
@@ -241,6 +246,9 @@ def _number(
     elif key in partial.missing:
         written = None
         free = _unknown(name, last, value, low, high, rules)
+    elif last in OF_REGULATOR and _is_unstated(name, partial.rig, joint):
+        written = None
+        free = _within(name, *DAMPING)
     elif last in ANGLES:
         spread = rules.angle
         reach = rules.reach * spread
@@ -255,6 +263,12 @@ def _number(
             return None
         free = _about(name, value, tolerance, rules)
     return FreeNumber(name, key, UNITS[name], stage, _bounded(free, low, high), written)
+
+
+def _is_unstated(name: str, rig: Rig, joint: Joint) -> bool:
+    """Whether the rig file leaves out the damping of this valve."""
+    muscle = joint.muscles[SIDES.index(name.partition(".")[0])]
+    return rig.muscle(muscle).valve.damping is None
 
 
 def _about(name: str, value: float, tolerance: float, rules: CalibrationRules) -> FreeParameter:

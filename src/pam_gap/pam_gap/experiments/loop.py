@@ -19,13 +19,13 @@ from pam_ros.valve_command import PRESSURE_REGULATOR
 GAS_CONSTANT = 287.05  # J/(kg K)
 
 
-def loop_gain(rig: Rig, joint: int) -> float:
-    """Gain from pressure error to spool opening for a loop with the bandwidth LOOP_RATE [1/Pa]."""
+def loop_gain(rig: Rig, joint: int, bandwidth: float = LOOP_RATE) -> float:
+    """Gain from pressure error to spool opening for a loop with a bandwidth [1/s], in 1/Pa."""
     robot = compose(rig)
     muscle = robot.muscles[robot.joints[joint].muscles[0]]
     volume = neutral_gas_volume(muscle)
     flow = muscle.valve.sonic_conductance * REFERENCE_DENSITY * robot.supply.pressure
-    return LOOP_RATE * max(volume, 1e-6) / (GAS_CONSTANT * rig.gas.temperature * flow)
+    return bandwidth * max(volume, 1e-6) / (GAS_CONSTANT * rig.gas.temperature * flow)
 
 
 def _full_scale(muscle: Muscle) -> float:
@@ -60,6 +60,46 @@ def holding_commands(rig: Rig, pressures: Mapping[str, float]) -> list[float]:
     return commands
 
 
+class PressureLoop:
+    """Proportional control of the pressures of a joint's two muscles; regulators have their own.
+
+    Parameters
+    ----------
+    rig, joint : Rig, int
+        The rig, and the number of the joint.
+    bandwidth : float
+        Of the loop of a flow valve [1/s].
+
+    Attributes
+    ----------
+    is_regulated : list of bool
+        Whether the valve is a pressure regulator, agonist first.
+    highest : list of float
+        Highest pressure that is commanded [Pa gauge].
+    """
+
+    def __init__(self, rig: Rig, joint: int, bandwidth: float = LOOP_RATE) -> None:
+        muscles = [rig.muscle(m) for m in rig.joints[joint].muscles]
+        self.is_regulated = [muscle.valve.kind == PRESSURE_REGULATOR for muscle in muscles]
+        self.highest = [
+            min(0.95 * min(muscle.max_pressure, rig.supply_gauge_pressure), _full_scale(muscle))
+            for muscle in muscles
+        ]
+        self._gain = loop_gain(rig, joint, bandwidth)
+
+    def commands(
+        self, wanted: tuple[float, float], measured: Sequence[float]
+    ) -> tuple[float, float]:
+        """Valve commands for pressures that are wanted and measured [Pa gauge], agonist first."""
+        return self._command(0, wanted[0], measured[0]), self._command(1, wanted[1], measured[1])
+
+    def _command(self, i: int, wanted: float, measured: float) -> float:
+        wanted = min(max(wanted, 0.0), self.highest[i])
+        if self.is_regulated[i]:
+            return wanted
+        return min(max(self._gain * (wanted - measured), -1.0), 1.0)
+
+
 class ExperimentLoop:
     """Valve commands of one excitation, sample by sample.
 
@@ -72,13 +112,8 @@ class ExperimentLoop:
     """
 
     def __init__(self, rig: Rig, joint: int, excitation: Excitation) -> None:
-        muscles = [rig.muscle(m) for m in rig.joints[joint].muscles]
-        self.is_regulated = [muscle.valve.kind == PRESSURE_REGULATOR for muscle in muscles]
-        self._highest = [
-            min(0.95 * min(muscle.max_pressure, rig.supply_gauge_pressure), _full_scale(muscle))
-            for muscle in muscles
-        ]
-        self._gain = loop_gain(rig, joint)
+        self._pressures = PressureLoop(rig, joint)
+        self.is_regulated = self._pressures.is_regulated
         self._excitation = excitation
         self._levels = excitation.level.tolist()
         self._differences = excitation.difference.tolist()
@@ -111,13 +146,5 @@ class ExperimentLoop:
             return e.open_commands
         k = min(max(int(time / e.sample_time + 1e-6), 0), len(self._levels) - 1)
         half = self._differences[k] + e.position_gain * (self._positions[k] - position)
-        return (
-            self._command(0, self._levels[k] + half, pressures[0]),
-            self._command(1, self._levels[k] - half, pressures[1]),
-        )
-
-    def _command(self, i: int, wanted: float, measured: float) -> float:
-        wanted = min(max(wanted, 0.0), self._highest[i])
-        if self.is_regulated[i]:
-            return wanted
-        return min(max(self._gain * (wanted - measured), -1.0), 1.0)
+        level = self._levels[k]
+        return self._pressures.commands((level + half, level - half), pressures)

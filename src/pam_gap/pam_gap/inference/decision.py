@@ -6,7 +6,7 @@ other rules from the scores that it kept.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import count
 
@@ -15,13 +15,13 @@ import numpy as np
 from pam_gap.inference.score import Score
 from pam_gap.inference.selection import bootstrap_weights, confidence_set, contains
 from pam_gap.inference.verdict import (
-    Evidence,
+    Figures,
     accepts_further,
     closed_by_channel,
-    decide,
     has_gap,
     is_rival,
     prefers_simple,
+    verdict_of,
 )
 from pam_gap.prediction.fit import Array
 from pam_gap.rules.decision_rules import DecisionRules
@@ -218,7 +218,7 @@ class Judge:
         share = np.maximum(before - after, 0.0) / np.maximum(before - 1.0, 1e-9)
         return float(np.average(share, weights=weight))
 
-    def evidence(self, nominal: Score, chosen: Score) -> Evidence:
+    def figures(self, nominal: Score, chosen: Score) -> Figures:
         """The figures on which the verdict about a hypothesis is based."""
         before, after = self.level(nominal), self.level(chosen)
         over_floor = nominal.over_floor(self.floor, self.present)
@@ -227,7 +227,7 @@ class Judge:
         )
         if not (over_floor > self.rules.gap_of_channel).any():
             closed = 1.0 - after / max(before, 1e-9)  # no gap of a channel is wide enough to count
-        return Evidence(
+        return Figures(
             chosen.causes, before, after, int(self.present.sum()), closed, self.has_background
         )
 
@@ -295,14 +295,21 @@ class Judge:
             if is_rival(level, self.level(s), before, tied, self.rules)
         ]
 
+    def close_calls[S: Score](
+        self, nominal: Score, tried: Sequence[S], unlisted: Sequence[S] = ()
+    ) -> list[S]:
+        """The hypothesis that would be accepted and its rivals; none without a hypothesis.
+
+        The floor is set for the hypotheses as they are.
+        """
+        self.set_floor([nominal, *tried, *unlisted])
+        chosen = self.choose(nominal, tried)
+        return [] if chosen is None else [chosen, *self.rivals(chosen, tried, nominal)]
+
     def decide[S: Score](
-        self,
-        nominal: Score,
-        tried: Sequence[S],
-        settle: Callable[[S], S],
-        unlisted: Sequence[S] = (),
+        self, nominal: Score, tried: Sequence[S], unlisted: Sequence[S] = ()
     ) -> Decision[S]:
-        """Choose a hypothesis, complete the fits of close ones, choose again, and give the verdict.
+        """Choose a hypothesis and give the verdict about it.
 
         Parameters
         ----------
@@ -310,20 +317,11 @@ class Judge:
             Score of the re-tuned plant without effects.
         tried : sequence of Score
             Scores of the hypotheses.
-        settle : callable
-            Completes the fit of a hypothesis and returns its score.
         unlisted : sequence of Score
             Scores of causes outside the table of effects.
         """
         self.set_floor([nominal, *tried, *unlisted])
-        chosen = self.choose(nominal, tried)
-        if chosen is not None:
-            close = [chosen, *self.rivals(chosen, tried, nominal)]
-            others = [score for score in tried if not any(score is one for one in close)]
-            tried = [*map(settle, close), *others]
-            self.set_floor([nominal, *tried, *unlisted])
-            chosen = self.choose(nominal, tried)
-        return self.about(nominal, tried, chosen, unlisted)
+        return self.about(nominal, tried, self.choose(nominal, tried), unlisted)
 
     def about[S: Score](
         self, nominal: Score, tried: Sequence[S], chosen: S | None, unlisted: Sequence[S] = ()
@@ -334,10 +332,10 @@ class Judge:
         matters = has_gap(self.level(usual), channels, self.rules) and self.is_material(nominal)
         if chosen is None or not matters:
             return Decision("none", chosen, (), tuple(tried), tuple(unlisted))
-        evidence = self.evidence(nominal, chosen)
+        figures = self.figures(nominal, chosen)
         rivals = self.rivals(chosen, tried, nominal)
         left = self.is_material(chosen, unexplained=True)
-        verdict = decide(evidence, [r.label for r in rivals], self.rules, left)
+        verdict = verdict_of(figures, [r.label for r in rivals], self.rules, left)
         if self.share_removed(usual, chosen) < self.rules.most_of_the_gap:
             verdict = "unknown"
         better = self.better_unlisted(usual, chosen, unlisted)

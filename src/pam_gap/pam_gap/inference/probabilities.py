@@ -197,12 +197,12 @@ def _without_doubtful_causes[S: Score](
 
 def _explains(judge: Judge, nominal: Score, chosen: Score) -> float:
     """Probability that a hypothesis explains the gap, from its distance to the verdict's limits."""
-    rules, evidence = judge.rules, judge.evidence(nominal, chosen)
-    most = rules.sharp_left * evidence.channels
-    limit = min((1.0 - rules.sharp_fall) * evidence.level_before, most)
-    sharp = (limit - evidence.level_after) / rules.temperature
-    closed = (evidence.closed - rules.closed_at_least) / rules.share_temperature
-    if not evidence.is_sharp:
+    rules, figures = judge.rules, judge.figures(nominal, chosen)
+    most = rules.sharp_left * figures.channels
+    limit = min((1.0 - rules.sharp_fall) * figures.level_before, most)
+    sharp = (limit - figures.level_after) / rules.temperature
+    closed = (figures.closed - rules.closed_at_least) / rules.share_temperature
+    if not figures.is_sharp:
         return float(expit(closed))
     left = judge.is_material(chosen, unexplained=True)
     return float(expit(sharp if left else max(sharp, closed)))

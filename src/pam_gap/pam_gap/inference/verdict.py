@@ -21,7 +21,7 @@ SHARP = frozenset(name for name, effect in EFFECTS.items() if effect.search.is_s
 
 
 @dataclass(frozen=True, slots=True)
-class Evidence:
+class Figures:
     """The figures on which a verdict is based.
 
     Attributes
@@ -110,24 +110,24 @@ def is_rival(
     return behind < reach or (tied and behind < rules.rival_tied * reach)
 
 
-def is_unknown(evidence: Evidence, rules: DecisionRules) -> bool:
+def is_unknown(figures: Figures, rules: DecisionRules) -> bool:
     """Whether the best hypothesis leaves more error than its own law can explain."""
-    fall = 1.0 - evidence.level_after / evidence.level_before
-    if evidence.is_sharp:
-        limit = rules.sharp_left * evidence.channels
-        return fall < rules.sharp_fall or evidence.level_after > limit
-    return evidence.closed < rules.closed_at_least
+    fall = 1.0 - figures.level_after / figures.level_before
+    if figures.is_sharp:
+        limit = rules.sharp_left * figures.channels
+        return fall < rules.sharp_fall or figures.level_after > limit
+    return figures.closed < rules.closed_at_least
 
 
-def decide(
-    evidence: Evidence, rivals: Sequence[str], rules: DecisionRules, leaves_material: bool = True
+def verdict_of(
+    figures: Figures, rivals: Sequence[str], rules: DecisionRules, leaves_material: bool = True
 ) -> str:
     """The verdict.
 
     Parameters
     ----------
-    evidence : Evidence
-        Figures of the best accepted hypothesis.
+    figures : Figures
+        Those of the best accepted hypothesis.
     rivals : sequence of str
         Hypotheses that the data do not distinguish from it.
     rules : DecisionRules
@@ -136,13 +136,13 @@ def decide(
         Whether the error that it leaves matters. If it does not and most of the gap is explained,
         it does not lead to `unknown`.
     """
-    gain = evidence.level_before - evidence.level_after
-    if not has_gap(evidence.level_before, evidence.channels, rules):
+    gain = figures.level_before - figures.level_after
+    if not has_gap(figures.level_before, figures.channels, rules):
         return "none"
-    if not evidence.effects or gain < rules.no_gain:
+    if not figures.effects or gain < rules.no_gain:
         return "unknown"
-    explains_most = evidence.closed >= rules.closed_at_least and not leaves_material
-    if is_unknown(evidence, rules) and not explains_most:
+    explains_most = figures.closed >= rules.closed_at_least and not leaves_material
+    if is_unknown(figures, rules) and not explains_most:
         return "unknown"
     return "ambiguous" if rivals else "named"
 

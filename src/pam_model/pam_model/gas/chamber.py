@@ -49,7 +49,6 @@ def flow_for_pressure_rate(
     pressure: Any,
     volume: Any,
     volume_rate: Any = 0.0,
-    *,
     temperature: Any = REFERENCE_TEMPERATURE,
     exponent: Any = 1.0,
 ) -> Any:

@@ -83,6 +83,42 @@ def _cache_folder() -> str:
     return ""
 
 
+def _functions_of(function: Any, found: dict[Any, FunctionType]) -> None:
+    """Collect a function and all functions that it calls by name, by their code."""
+    function = getattr(function, "py_func", function)
+    if not isinstance(function, FunctionType) or function.__code__ in found:
+        return
+    found[function.__code__] = function
+    for name in function.__code__.co_names:
+        _functions_of(function.__globals__.get(name), found)
+
+
+def _cache_of(function: FunctionType) -> str:
+    """Where the machine code of an entry point is kept; "" where numba chooses.
+
+    An entry point of another package depends on the files of its own functions as well, and on the
+    constants that they import.
+    """
+    found: dict[Any, FunctionType] = {}
+    _functions_of(function, found)
+    plant, own = set(map(str, kernel_sources())), hashlib.sha256()
+    files = {code.co_filename for code in found if not code.co_filename.startswith("<")}
+    if not _CACHE or files <= plant:
+        return _CACHE
+    for file in sorted(files - plant):
+        own.update(Path(file).read_bytes())
+    constants = {
+        f"{name}={known!r}"
+        for each in found.values()
+        for name in each.__code__.co_names
+        if isinstance(known := each.__globals__.get(name), int | float | tuple)
+    }
+    own.update(";".join(sorted(constants)).encode())
+    folder = Path(_CACHE) / own.hexdigest()[:12]
+    folder.mkdir(exist_ok=True)
+    return str(folder)
+
+
 _CACHE = _cache_folder() if HAVE_NUMBA and not os.environ.get("NUMBA_CACHE_DIR") else ""
 _COMPILED: dict[FunctionType, Any] = {}
 
@@ -133,7 +169,7 @@ def _compiled[F: Callable[..., Any]](function: F, *, cache: bool, inlined: bool 
     if function in _COMPILED:
         return _COMPILED[function]  # type: ignore[no-any-return]
     given = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = _CACHE or given
+    numba.config.CACHE_DIR = (_cache_of(function) if cache else _CACHE) or given
     try:
         # numpy's error model saves a branch per division; the kernels check their divisors
         # themselves. They allocate nothing, so they need no reference counting (_nrt).
@@ -160,3 +196,14 @@ def is_on_disk(name: str) -> bool:
 def for_kernel(array: npt.NDArray[Any]) -> Any:
     """The array for a compiled kernel, or nested lists of Python floats for a plain one."""
     return np.ascontiguousarray(array) if HAVE_NUMBA else array.tolist()
+
+
+def prepare(function: Any, *arguments: Any) -> None:
+    """Compile an entry point for arguments of these types, or read it from disk; nothing is run."""
+    if HAVE_NUMBA:
+        function.compile(tuple(map(numba.typeof, arguments)))
+
+
+def listed(array: Any) -> list[Any]:
+    """What `for_kernel` made, as nested lists of Python floats."""
+    return array.tolist() if HAVE_NUMBA else array  # type: ignore[no-any-return]

@@ -21,6 +21,7 @@ from pam_model.plant.layout import (
     M_EXHAUST,
     M_PER_LAG,
     M_REGULATOR,
+    M_SWING,
     M_THERMAL,
     M_THREAD,
     M_TUBE,
@@ -33,7 +34,7 @@ from pam_model.plant.layout import (
 def regulator_rate(
     m: int, c: Any, spool: float, outlet: float, supply: float, per_flow: float
 ) -> float:
-    """Rate of a regulator's outlet pressure [Pa/s]: first-order lag, limited by the open valve."""
+    """Rate of a regulator's outlet pressure [Pa/s]: it follows `spool` within the valve's flow."""
     critical = c[m + M_CRITICAL]
     wanted = (spool + c[C_AMBIENT] - outlet) * c[m + M_PER_LAG]
     fills = wanted >= 0.0
@@ -66,7 +67,9 @@ def gas_rates(
     Returns
     -------
     spool_rate : float
-        [1/s]; for a regulator, of its first lag [Pa/s].
+        [1/s]; for a regulator, of the pressure s that its outlet p follows [Pa/s]: with
+        w = 1/time_constant, p' = w (s - p) and s' = w (u - s) + 2 (1 - damping) w (s - p), which is
+        p'' + 2 damping w p' + w^2 p = w^2 u.
     pressure_rate : float
         dP/dt [Pa/s] at constant length.
     valve_pressure_rate : float
@@ -90,6 +93,7 @@ def gas_rates(
     if is_regulator and not shut:
         per_flow = per_mass / (c[m + M_TUBE_VOLUME] if has_tube else volume)
         regulated_rate = regulator_rate(m, c, spool, upstream, supply, per_flow)
+        spool_rate += c[m + M_SWING] * (spool + ambient - upstream)
         drawn = max(regulated_rate, 0.0) / per_flow
         if not has_tube:
             return spool_rate, regulated_rate, 0.0, drawn, 0.0

@@ -46,6 +46,7 @@ MUSCLE_NOMINAL = (
     ("valve.sonic_conductance", "m^3/(s Pa)"),
     ("valve.critical_ratio", "-"),
     ("valve.time_constant", "s"),
+    ("valve.damping", "-"),  # of a regulator's two poles
 )
 
 # --- derived constants of the joint, then of each muscle (offset by AGONIST, ANTAGONIST) -------
@@ -93,6 +94,7 @@ MUSCLE_NOMINAL = (
     M_EXHAUST,
     M_CRITICAL,
     M_PER_LAG,
+    M_SWING,
     M_TUBE,
     M_TUBE_VOLUME,
     M_TUBE_CONDUCTANCE,
@@ -103,7 +105,7 @@ MUSCLE_NOMINAL = (
     M_THERMAL,
     M_SHUT_EXPONENT,
     M_THREAD,
-) = range(28)
+) = range(29)
 
 
 @dataclass(frozen=True, slots=True)

@@ -261,6 +261,7 @@ def _muscle_values(rig: Rig, muscle: Muscle) -> tuple[dict[str, float], Vector]:
         "valve.sonic_conductance": valve.sonic_conductance,
         "valve.critical_ratio": valve.critical_ratio,
         "valve.time_constant": valve.time_constant,
+        "valve.damping": 1.0 if valve.damping is None else valve.damping,
     }, table
 
 

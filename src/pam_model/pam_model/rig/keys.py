@@ -150,7 +150,20 @@ NUMBERS: Mapping[str, Mapping[str, Key]] = {
     "valve": {
         "sonic_conductance": Key("m^3/(s Pa)", 1e-12, 1e-5, text="ISO 6358 C, fully open"),
         "critical_ratio": Key("-", 0.0, 0.99, 0.3, text="ISO 6358 b"),
-        "time_constant": Key("s", 1e-5, 2.0, 0.005, text="of the spool, first order"),
+        "time_constant": Key(
+            "s",
+            1e-5,
+            2.0,
+            0.005,
+            text="of the spool, first order; pressure regulator: of each of its two poles",
+        ),
+        "damping": Key(
+            "-",
+            0.1,
+            3.0,
+            text="pressure regulator: damping ratio of its two poles (without: 1); below 1 it "
+            "overshoots",
+        ),
         "full_scale": Key(
             "Pa gauge", 1e4, 2.5e6, text=("pressure regulator: what a command of 100 % means")
         ),

@@ -64,14 +64,17 @@ def _valve(section: Section, max_pressure: float) -> Valve | None:
     ratio = section.number("critical_ratio", keys["critical_ratio"])
     lag = section.number("time_constant", keys["time_constant"])
     full_scale = section.number("full_scale", keys["full_scale"], optional=True)
+    damping = section.number("damping", keys["damping"], optional=True)
     if kind == "flow" and full_scale is not None:
         section.add("full_scale", f" = {full_scale:g} Pa: only a pressure_regulator has one")
+    if kind == "flow" and damping is not None:
+        section.add("damping", f" = {damping:g}: only a pressure_regulator has one")
     section.finish()
     if kind not in kinds or conductance is None or ratio is None or lag is None:
         return None
     if kind == "pressure_regulator" and full_scale is None:
         full_scale = max_pressure
-    return Valve(kind, conductance, ratio, lag, full_scale)
+    return Valve(kind, conductance, ratio, lag, full_scale, damping)
 
 
 def _muscle(section: Section, name: str, max_pressure: float) -> Muscle | None:

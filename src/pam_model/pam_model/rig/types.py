@@ -94,9 +94,12 @@ class Valve:
     critical_ratio : float
         ISO 6358 b [-].
     time_constant : float
-        Of the spool, first order [s].
+        Of the spool, first order [s]; of a pressure regulator, one over the corner frequency of
+        its two poles [rad/s].
     full_scale : float or None
         Pressure regulator: set point at a command of 100 % [Pa gauge].
+    damping : float or None
+        Pressure regulator: damping ratio of these two poles [-]; None: 1, two equal real poles.
     """
 
     kind: ValveKind
@@ -104,6 +107,7 @@ class Valve:
     critical_ratio: float = 0.3
     time_constant: float = 0.005
     full_scale: float | None = None
+    damping: float | None = None
 
     def __post_init__(self) -> None:
         """Check the numbers as a rig file's."""

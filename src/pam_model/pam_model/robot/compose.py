@@ -147,6 +147,7 @@ def _valve(muscle: Muscle, number: Number) -> RobotValve:
         exhaust_ratio=number("valve.exhaust_ratio", None),
         critical_ratio=valve.critical_ratio,
         time_constant=number("valve.time_constant", valve.time_constant),
+        damping=1.0 if valve.damping is None else valve.damping,
         command_delay=number("valve.command_delay", None),
         full_scale=valve.full_scale,
         tube=tube,

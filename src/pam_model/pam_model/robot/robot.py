@@ -110,7 +110,9 @@ class RobotValve:
     critical_ratio : float
         ISO 6358 b [-].
     time_constant : float
-        Of the spool [s].
+        Of the spool, or of each pole of a pressure regulator [s].
+    damping : float
+        Of the two poles of a pressure regulator [-].
     command_delay : float
         [s].
     full_scale : float or None
@@ -124,9 +126,17 @@ class RobotValve:
     exhaust_ratio: float
     critical_ratio: float
     time_constant: float
+    damping: float
     command_delay: float
     full_scale: float | None
     tube: Tube | None
+
+    @property
+    def follows_after(self) -> float:
+        """Time by which slow commands are followed late, without the delay of the command [s]."""
+        if self.kind == "flow":
+            return self.time_constant
+        return 2.0 * self.damping * self.time_constant
 
 
 @dataclass(frozen=True, slots=True)

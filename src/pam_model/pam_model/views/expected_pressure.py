@@ -3,8 +3,9 @@
 `ExpectedPressure` has the numbers of one muscle, `init` gives its state and `step` advances the
 state by one period: an open-loop model, which an observer corrects with the measurements.
 
-The flow follows ISO 6358, the chamber is polytropic, the spool a first-order lag. The joint's
-angle is held within the position limits. Behind a tube, the sensor's pressure is that at the valve.
+The flow follows ISO 6358, the chamber is polytropic, the spool a first-order lag; what a regulator
+aims at follows its set point with two poles. The joint's angle is held within the position limits.
+Behind a tube, the sensor's pressure is that at the valve.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
+from scipy.linalg import expm
 
 from pam_model.effects.slots import Leak, Opening
 from pam_model.gas import pressure_rate, reference_density, valve_flow
@@ -34,28 +36,43 @@ class GasState(NamedTuple):
     commands : tuple of float
         Those that do not act yet because of the command's delay, the oldest first.
     spool : float
-        Command after the lag of the spool, as fraction of full scale.
+        Command after the lag of the spool or the regulator, as fraction of full scale.
     at_sensor, inside : float
         Pressures at the sensor and in the muscle [Pa absolute]; equal without a tube. NaN: unknown.
+    spool_rate : float
+        Rate of `spool` behind a regulator [1/s].
     """
 
     commands: tuple[float, ...]
     spool: float
     at_sensor: float
     inside: float
+    spool_rate: float = 0.0
 
     def corrected(self, change: float) -> GasState:
         """The state with both pressures changed by `change` [Pa]."""
-        return GasState(
-            self.commands,
-            self.spool,
-            max(self.at_sensor + change, LOWEST),
-            max(self.inside + change, LOWEST),
+        return self._replace(
+            at_sensor=max(self.at_sensor + change, LOWEST),
+            inside=max(self.inside + change, LOWEST),
         )
 
     def known(self, pressure: float) -> GasState:
         """The state with this pressure at the sensor and in the muscle [Pa absolute]."""
-        return GasState(self.commands, self.spool, pressure, pressure)
+        return self._replace(at_sensor=pressure, inside=pressure)
+
+
+def _spool_lag(
+    period: float, time_constant: float, damping: float | None
+) -> tuple[tuple[float, float], tuple[float, float]]:
+    """What a period makes of the distance to a held command, and of its rate.
+
+    One pole of a spool, or the two poles of a regulator with a damping ratio.
+    """
+    if damping is None:
+        return (math.exp(-period / time_constant), 0.0), (0.0, 0.0)
+    w = 1.0 / time_constant
+    rows = expm(period * np.array([[0.0, 1.0], [-w * w, -2.0 * damping * w]])).tolist()
+    return (rows[0][0], rows[0][1]), (rows[1][0], rows[1][1])
 
 
 class ExpectedPressure:
@@ -91,7 +108,9 @@ class ExpectedPressure:
         self._supply, self._ambient = robot.supply.pressure, gas.ambient_pressure
         self._exponent, self._temperature = gas.polytropic_exponent, gas.temperature
         self._density = reference_density(gas.temperature)
-        self._keep = math.exp(-period / valve.time_constant)
+        self._lag = _spool_lag(
+            period, valve.time_constant, None if self._is_flow else valve.damping
+        )
         self._period = period
         self._delay = round(valve.command_delay / period)
         self._tube = None if valve.tube is None else TubeGas(valve.tube, valve, gas, period)
@@ -142,7 +161,10 @@ class ExpectedPressure:
         a, b, c, d = self._volume
         volume = ((a * stroke + b) * stroke + c) * stroke + d + self._dead_volume
         volume_rate = ((3.0 * a * stroke + 2.0 * b) * stroke + c) * rate
-        spool = command + self._keep * (state.spool - command)
+        of_position, of_rate = self._lag
+        behind = state.spool - command, state.spool_rate
+        spool = command + of_position[0] * behind[0] + of_position[1] * behind[1]
+        spool_rate = of_rate[0] * behind[0] + of_rate[1] * behind[1]
         supply = self._supply if math.isnan(supply) else supply
         at_sensor = state.at_sensor
         if self._tube is not None:
@@ -166,7 +188,7 @@ class ExpectedPressure:
                 )
             )
             inside = at_sensor
-        return GasState(state.commands, spool, at_sensor, inside)
+        return GasState(state.commands, spool, at_sensor, inside, spool_rate)
 
     def _entering(self, spool: float, pressure: float, supply: float) -> float:
         """Flow of the valve [kg/s] at a pressure behind it [Pa absolute]."""

@@ -1,0 +1,185 @@
+"""Probabilities of sets of causes under the statement of belief, and the answer of least cost.
+
+The likelihood of a hypothesis is that of the errors which it leaves on held-out data. The variance
+of a channel is unknown: it scatters about that of noise, an ordinary background and the error of
+the laws. This is integrated in closed form (Student's t; Gelman et al., Bayesian Data Analysis, 3rd
+ed., chapter 3); what all channels of a rig share, the size of its background and how wrong the laws
+are, is integrated by quadrature.
+Held-out data take the place of the size priors in an evidence (Fong and Holmes, On the marginal
+likelihood and cross-validation, Biometrika 107, 2020). A cause outside the table is a discrepancy
+that no member spans (Kennedy and O'Hagan, J. R. Statist. Soc. B 63, 2001).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import combinations
+from math import comb, log
+from typing import Any
+
+import numpy as np
+from scipy.special import logsumexp
+
+from pam_check.blind.statement import Statement
+from pam_gap.inference.evidence import Evidence
+from pam_gap.inference.probabilities import NONE, UNKNOWN
+from pam_gap.inference.score import Score
+from pam_gap.prediction.fit import Array
+from pam_gap.prediction.locate import worst_stage
+from pam_gap.rules import DEFAULT
+from pam_model.effects import EFFECTS
+
+_NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(9)
+_SHARES = np.outer(_WEIGHTS, _WEIGHTS) / _WEIGHTS.sum() ** 2
+DIVERGED = 1e12
+"""Mean square in place of one that is not finite."""
+MOST_ALTERNATIVES = 6
+"""Sets of causes of which an answer is made, the most probable ones."""
+
+
+def log_likelihood(
+    left: Array, noise: Array, background: Array, change: Array, statement: Statement
+) -> Array:
+    """Log density of the errors that hypotheses leave, up to a constant, shape (hypotheses,).
+
+    Parameters
+    ----------
+    left, change : ndarray, shape (hypotheses, channels)
+        Mean squares that each leaves, and of the change that its causes make.
+    noise, background : ndarray, shape (channels,)
+        Mean squares of the noise and of what an ordinary background leaves.
+    statement : Statement
+        The statement.
+    """
+    free, worth = statement.channel_freedom, statement.independent_errors
+    scale = np.exp(statement.background_spread * _NODES)[:, None, None]
+    law = (statement.law_error * np.exp(statement.law_spread * _NODES[:, None])) ** 2
+    variance = noise + scale * background + law * change[:, None, None]
+    density = 0.5 * free * np.log(free * variance)
+    density -= 0.5 * (free + worth) * np.log(free * variance + worth * left[:, None, None])
+    found: Array = logsumexp(density.sum(axis=-1), axis=(1, 2), b=_SHARES)
+    return found
+
+
+def posterior(evidence: Evidence[Score], statement: Statement) -> dict[str, float]:
+    """Probability of each explanation, largest first; their names are those of diagnosis.json.
+
+    Of several hypotheses with the same causes, the likeliest counts.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        What a search found.
+    statement : Statement
+        What is believed beforehand.
+    """
+    present, table = evidence.present, len(EFFECTS)
+    prior = (
+        log(statement.nothing),
+        log(statement.one / table),
+        log(statement.two / comb(table, 2)),
+        log(statement.three / comb(table, 3)),
+    )
+    noise, background = evidence.floor[present], evidence.background[present]
+    tried = [evidence.settled.get(place, score) for place, score in enumerate(evidence.tried)]
+    scores = [evidence.nominal, *tried, *evidence.unlisted]
+    left = np.array([score.mean_square[present] for score in scores])
+    left = np.nan_to_num(left, nan=DIVERGED, posinf=DIVERGED)
+    over = np.log(np.maximum(left / (noise + background), 1.0)).sum(axis=1)
+    usual = [k for k, score in enumerate(scores) if not score.causes and not score.unlisted]
+    without = left[min(usual, key=over.__getitem__)]
+    # The last row is a law of unknown form, which leaves an ordinary background.
+    left = np.vstack([left, noise + background])
+    change = np.maximum(without - left, 0.0)
+    change[-1] = 0.0
+    likelihood = log_likelihood(left, noise, background, change, statement).tolist()
+    found = {UNKNOWN: likelihood[-1] + log(statement.outside) - statement.unknown_law * noise.size}
+    for score, value in zip(scores, likelihood[:-1], strict=True):
+        if score.unlisted:
+            believed = value + log(statement.outside / len(evidence.unlisted))
+            found[UNKNOWN] = float(np.logaddexp(found[UNKNOWN], believed))
+        else:
+            name = " + ".join(sorted(score.causes)) or NONE
+            believed = value + prior[min(score.size, len(prior) - 1)]
+            found[name] = max(believed, found.get(name, -np.inf))
+    values = np.array(list(found.values()))
+    shares = np.exp(values - logsumexp(values)).tolist()
+    return dict(sorted(zip(found, shares, strict=True), key=lambda pair: -pair[1]))
+
+
+type Sets = tuple[frozenset[str], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """An answer that could be given: a word, and sets of causes, one of which is said to hold."""
+
+    verdict: str
+    sets: Sets = ()
+
+    def cost(self, truth: str, statement: Statement) -> float:
+        """Cost of this answer if an explanation is the true one."""
+        if not self.sets:
+            if truth == self.verdict:
+                return 0.0
+            return statement.silence * (0.5 if truth in (NONE, UNKNOWN) else 1.0)
+        if truth in (NONE, UNKNOWN):
+            return statement.false_name
+        hidden = {*truth.split(" + ")}
+        return statement.further_name * (len(self.sets) - 1) + min(
+            statement.false_name * len(one - hidden) / len(one)
+            + statement.silence * len(hidden - one) / len(hidden)
+            for one in self.sets
+        )
+
+
+def least_cost(probabilities: Mapping[str, float], statement: Statement) -> Choice:
+    """The answer with the least expected cost.
+
+    Parameters
+    ----------
+    probabilities : mapping
+        Explanation -> probability, largest first.
+    statement : Statement
+        Its costs.
+    """
+    names = [name for name in probabilities if name not in (NONE, UNKNOWN)][:MOST_ALTERNATIVES]
+    sets = [frozenset(name.split(" + ")) for name in names]
+    choices = [Choice(NONE), Choice(UNKNOWN)]
+    choices += [Choice("named", (one,)) for one in sets]
+    choices += [Choice("ambiguous", two) for two in combinations(sets, 2)]
+    return min(
+        choices,
+        key=lambda one: sum(p * one.cost(truth, statement) for truth, p in probabilities.items()),
+    )
+
+
+def believed_answer(evidence: Evidence[Score], statement: Statement) -> dict[str, Any]:
+    """The part of diagnosis.json that the blind check scores, by the statement."""
+    probabilities = posterior(evidence, statement)
+    choice = least_cost(probabilities, statement)
+    causes: dict[str, float] = {}
+    for name, p in probabilities.items():
+        for effect in {*name.split(" + ")} - {NONE, UNKNOWN}:
+            causes[effect] = causes.get(effect, 0.0) + p
+    ranked = sorted(causes, key=lambda effect: -causes[effect])
+    named = [e for one in choice.sets for e in ranked if e in one]
+    effects = list(dict.fromkeys(named))
+    groups = []
+    if len(choice.sets) > 1:
+        first, second = choice.sets
+        groups.append([e for e in effects if e in first ^ second])
+    stage: str | None = EFFECTS[effects[0]].stage if effects else None
+    if choice.verdict == UNKNOWN:
+        stage = worst_stage(evidence.stages, DEFAULT.prediction.stage_from)
+    order = [*effects, *(e for e in ranked if e not in effects)]
+    return {
+        "verdict": choice.verdict,
+        "stage": stage,
+        "effects": effects,
+        "candidates": [[effect, causes[effect]] for effect in order],
+        "indistinguishable": groups,
+        "probabilities": probabilities,
+        "closed": None,
+    }

@@ -1,0 +1,68 @@
+"""What is believed about a rig before its recording is seen; docs/what_we_believe.md is its page.
+
+The statement is generative: rigs could be drawn from it. `pam_check.blind.posterior` turns it into
+probabilities of sets of causes, and into the answer with the least expected cost. It does not
+decide in the product: `pam check decide-again` shows its answers next to those of the rules.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Statement:
+    """The whole statement.
+
+    Attributes
+    ----------
+    nothing, one, two, three, outside : float
+        Probability that a rig which is diagnosed has no cause beyond an ordinary background, one,
+        two or three causes of the table, or a cause outside of it. All causes of the table are
+        equally probable. Set by hand.
+    background_spread : float
+        Standard deviation of the logarithm of the mean squared error that an ordinary background
+        leaves, common to all channels of a rig, about the one that `discrepancy` predicts.
+    channel_freedom : float
+        Degrees of freedom with which the background of one channel scatters about that (a scaled
+        inverse chi-squared distribution): small numbers have heavy tails.
+    independent_errors : float
+        Number of independent errors that the recording of one channel is worth. What no law of the
+        table describes is correlated over the whole recording, so that it is a handful and not the
+        thousands of samples.
+    law_error, law_spread : float
+        RMS error of the laws of the causes, as a share of the RMS change that they make: its
+        median, and the standard deviation of its logarithm. Some laws are nearly exact (a delay),
+        others are one of several forms in the literature (a bladder).
+    unknown_law : float
+        Logarithm of the odds, per channel, against a smooth law of unknown form that explains the
+        channel down to an ordinary background.
+    false_name, silence, further_name : float
+        Cost of naming what is not there, of not naming what is, and of each further alternative of
+        an ambiguous answer.
+    """
+
+    nothing: float = 0.25
+    one: float = 0.45
+    two: float = 0.12
+    three: float = 0.03
+    outside: float = 0.15
+    background_spread: float = 0.74
+    channel_freedom: float = 1.5
+    independent_errors: float = 2.9
+    law_error: float = 0.15
+    law_spread: float = 0.76
+    unknown_law: float = 7.6
+    false_name: float = 1.0
+    silence: float = 1.0
+    further_name: float = 0.1
+
+
+STATEMENT = Statement()
+"""The statement in use; calibrated on 48 rigs of `blind --background --seed 47001` and the first 5
+of `blind --seed 47002`, with the rules of commit 0f9388c0."""
+CALIBRATED = (
+    "background_spread", "channel_freedom", "independent_errors", "law_error", "law_spread",
+    "unknown_law",
+)  # fmt: skip
+"""Numbers that `pam check calibrate-statement` finds from drawn rigs."""

@@ -1,0 +1,167 @@
+"""One cycle of all joints under control: its stages in their order, over common rows."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from pam_control.control_step import Measurement
+from pam_control.feedback.pressure_loop import PressureLoops
+from pam_control.feedback.supply_reservoir import SupplyReservoir
+from pam_control.joint_channel import JointChannel
+from pam_control.joint_cycle import CycleRows, demand, longest_delay, new_cycle, sense, settle
+from pam_control.joint_models import JointModels
+from pam_control.joint_setup import JointSetup
+from pam_control.laws.law import AnyLaw
+from pam_control.references.reference_generator import ReferenceGenerator
+from pam_control.settings import ControlSettings
+from pam_model.plant.compiled import for_kernel, listed, prepare
+from pam_model.robot import Robot
+from pam_model.views.joint_numbers import joint_numbers
+
+
+class ControlCycle:
+    """The cycle of all joints of a robot.
+
+    Parameters
+    ----------
+    robot : Robot
+        The robot.
+    joints : sequence of JointModels
+        Its joints.
+    reservoir : SupplyReservoir
+        From which all valves draw.
+    law : Law
+        The control law.
+    setups : sequence of JointSetup
+        What is in force for each joint at the start.
+    references : ReferenceGenerator
+        Of all joints.
+
+    Attributes
+    ----------
+    channels : list of JointChannel
+        The joints.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        joints: Sequence[JointModels],
+        reservoir: SupplyReservoir,
+        law: AnyLaw,
+        setups: Sequence[JointSetup],
+        references: ReferenceGenerator,
+    ) -> None:
+        self._joints, self._law, self._references = joints, law, references
+        self._count = len(robot.muscles)
+        self._valves = PressureLoops(robot, joints, reservoir, for_kernel(joint_numbers(robot)))
+        states, loops = law.init_together(joints), self._valves.loops
+        self._rows = CycleRows(states[0].rows.x if law.together else new_cycle(len(states)))
+        self.channels = [
+            JointChannel(models, (loops[2 * place], loops[2 * place + 1]), setup, self._rows, state)
+            for place, (models, setup, state) in enumerate(zip(joints, setups, states, strict=True))
+        ]
+        self._places = [place for models in joints for place in models.joint.muscles]
+        self._sinks = False  # the air is let out slowly
+        self.use(setups)
+        self._compile()
+
+    def _compile(self) -> None:
+        """Let no cycle wait for machine code."""
+        rows, valves, references = self._rows, self._valves, self._references.limited_references
+        x, k, u, d = rows.x, rows.k, rows.u, valves.demands
+        positions = for_kernel(np.zeros(len(self.channels)))
+        history, ends = references.history, references.ends
+        prepare(sense, x, k, u, d, valves.state, history, ends, positions, 0.0, 0.0, 0.0, 0.0)
+        prepare(demand, x, k, u, d, 0.0)
+        prepare(settle, x, k, u, for_kernel(np.zeros(len(d))), 0.0, False)
+        prepare(longest_delay, k, valves.state)
+
+    def use(self, setups: Sequence[JointSetup]) -> None:
+        """Use other settings, gains and values of the law from the next cycle on."""
+        for place, (channel, setup) in enumerate(zip(self.channels, setups, strict=True)):
+            channel.use(setup)
+            acts = max(setup.acting_delays) + channel.models.pressure_lag
+            self._valves.use(place, setup.settings, setup.adapts, acts)
+        self._rows.use(setups, self._joints)
+        self._law = setups[0].law if setups else self._law
+        self._learners = {
+            place: setup.learner for place, setup in enumerate(setups) if setup.learner is not None
+        }
+
+    def begin(self) -> float:
+        """Begin a cycle; return the longest learnt delay of a command, beside the stated ones [s].
+
+        The references have to reach ahead by it before `commands` is called.
+        """
+        for channel in self.channels:
+            channel.prepare()
+        return longest_delay(self._rows.k, self._valves.state)
+
+    def commands(
+        self,
+        time: float,
+        step: float,
+        measurement: Measurement,
+        settings: ControlSettings,
+        stiffnesses: Sequence[float],
+        torques: Sequence[float | None],
+        share: float | None,
+    ) -> list[float]:
+        """The commands of all muscles; NaN for a muscle that belongs to no joint.
+
+        Parameters
+        ----------
+        time, step : float
+            Present time, and time since the last cycle [s].
+        measurement : Measurement
+            Corrected by what the rig file says about the sensors.
+        settings : ControlSettings
+            In force.
+        stiffnesses, torques : sequence of float, of float or None
+            Commanded for each joint [N m/rad], [N m]; None: no torque is commanded.
+        share : float or None
+            Share of the pressures that is left while the air is let out slowly [-]; None otherwise.
+        """
+        rows, valves, references = self._rows, self._valves, self._references.limited_references
+        measured_at = measurement.pressure_time - settings.measurement_delay
+        valves.read([measurement.pressures[place] for place in self._places], step)
+        for place, learner in self._learners.items():
+            learner.follow(self._references.spline(self._joints[place].name))
+        sense(
+            rows.x, rows.k, rows.u, valves.demands, valves.state, references.history,
+            references.ends, for_kernel(np.array(measurement.positions)), time,
+            measurement.position_time, measured_at, settings.measurement_delay,
+        )  # fmt: skip
+        if share is not None or self._sinks:
+            self._sinks = share is not None
+            for channel in self.channels:
+                channel.sink(share)
+        if share is None:
+            self._plan(step, stiffnesses, torques)
+        demand(rows.x, rows.k, rows.u, valves.demands, step)
+        found, cut = valves.command(time - measured_at, step)
+        settle(rows.x, rows.k, rows.u, cut, step, share is not None)
+        for channel, x, k in zip(self.channels, listed(rows.x), listed(rows.k), strict=True):
+            channel.tell(x, k)
+        commands = [math.nan] * self._count
+        for place, command in zip(self._places, listed(found), strict=True):
+            commands[place] = command
+        return commands
+
+    def _plan(
+        self, step: float, stiffnesses: Sequence[float], torques: Sequence[float | None]
+    ) -> None:
+        """Let the law plan the pressures of all joints."""
+        asked = zip(self.channels, stiffnesses, torques, strict=True)
+        if self._law.together:
+            for channel, stiffness, _ in asked:
+                channel.ask(stiffness)
+            states = [channel.law_state for channel in self.channels]
+            self._law.plan_together(states, step, self._learners)
+            return
+        for channel, stiffness, torque in asked:
+            channel.plan(step, stiffness, torque, self._references.motion[channel.models.name])

@@ -1,0 +1,244 @@
+"""What all laws share in one cycle of the joints: compiled functions of rows.
+
+`sense` finds where the joints are and should be, and the output of the feedback; then the law plans
+the pressures; `demand` says what the pressure loops have to do, and `settle` lets the integrals
+follow what the valves could do.
+
+The feedback compares a measurement with the reference at the time of that measurement. The
+feedforward is computed for the time at which the valve will act.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+
+from pam_control.feedback.gain_schedule import gains_at
+from pam_control.feedback.loop_rows import (
+    D_AHEAD,
+    D_POSITION,
+    D_PRESSURE,
+    D_RATE,
+    D_REFERENCE,
+    D_SPEED,
+    V_DELAY,
+)
+from pam_control.feedback.pid import (
+    F_INTEGRAL,
+    N_FEEDBACK,
+    N_GAINS,
+    integrate,
+    pid_output,
+)
+from pam_control.joint_models import JointModels
+from pam_control.joint_setup import JointSetup
+from pam_control.laws.plan_rows import (
+    N_CYCLE,
+    X_ACTS_A,
+    X_ACTS_B,
+    X_AHEAD_A,
+    X_DESIRED_A,
+    X_DESIRED_B,
+    X_FRESH,
+    X_INTEGRAL,
+    X_MEASURED_AT,
+    X_MISSED,
+    X_NEW_INTEGRAL,
+    X_NOW,
+    X_OBSERVER,
+    X_OUTPUT,
+    X_POSITION,
+    X_PRESSURE_A,
+    X_PRESSURE_B,
+    X_RATE_A,
+    X_REFERENCE_A,
+    X_SEEN,
+    X_SPEED_A,
+    X_TORQUE_LIMITED,
+    X_VELOCITY,
+)
+from pam_control.limited import limited
+from pam_control.references.limited_references import reference_at
+from pam_model.plant.compiled import entry_point, for_kernel
+
+(U_SPEED_FILTER, U_INTEGRAL_LIMIT, U_PRESSURE_RATE, U_ACTS_A, U_ACTS_B, U_POSITION_DELAY,
+ U_PRESSURE_LAG, U_SCHEDULED) = range(8)  # fmt: skip
+U_SCHEDULE: Final = 8
+"""Settings of a joint: filter of the speed [s]; limit of the integral; largest rate of the desired
+pressures [Pa/s]; time until each valve acts, delay of the position and lag of the pressures by the
+rig file [s]; number of scheduled gains, which follow: the stiffness, and `G_PROPORTIONAL` and its
+like."""
+(K_POSITION, K_VELOCITY, K_TIME, K_DESIRED_A, K_DESIRED_B, K_STIFFNESS, K_DELAY, K_SEEN_POSITION,
+ K_SEEN_ERROR, K_RATE_LIMITED, K_VALVE_LIMITED) = range(11)  # fmt: skip
+K_GAINS: Final = 11
+K_FEEDBACK: Final = K_GAINS + N_GAINS
+N_STATE: Final = K_FEEDBACK + N_FEEDBACK
+"""State of a joint: position [rad], filtered speed [rad/s] and time [s] of the last measurement;
+desired pressures [Pa]; stiffness by which gains are scheduled [N m/rad]; learnt delay of the
+position, negative if it is that of the pressures [s]; measured position and error of this cycle
+[rad]; whether the rate of the pressures, and a valve, was limited; gains; state of the feedback."""
+
+
+def take_position(k: Any, position: float, time: float, speed_filter: float) -> float:
+    """Take a measured position [rad] of a time [s]; return the time since the last one, or 0."""
+    if math.isnan(k[K_TIME]):
+        k[K_POSITION], k[K_TIME] = position, time
+        return 0.0
+    step = time - k[K_TIME]
+    if not step > 0.0:
+        return 0.0
+    weight = step / (speed_filter + step)
+    k[K_VELOCITY] += weight * ((position - k[K_POSITION]) / step - k[K_VELOCITY])
+    k[K_POSITION], k[K_TIME] = position, time
+    return float(step)
+
+
+def look_up(x: Any, at: int, time: float, history: Any, ends: Any, joint: int) -> None:
+    """Write a time [s] and the reference at that time."""
+    x[at] = time
+    x[at + 1], x[at + 2], x[at + 3] = reference_at(history, ends, joint, time)
+
+
+def copy_moment(x: Any, at: int, other: int) -> None:
+    """Write a moment that is the same as another one."""
+    for place in range(4):
+        x[at + place] = x[other + place]
+
+
+@entry_point
+def sense(
+    x: Any, k: Any, u: Any, d: Any, v: Any, history: Any, ends: Any, positions: Any, time: float,
+    position_time: float, measured_at: float, measurement_delay: float,
+) -> None:  # fmt: skip
+    """Write the input of all plans: moments, measured motion, output of the feedback.
+
+    Parameters
+    ----------
+    x, k, u, d, v, history, ends : rows
+        Cycle, state and settings of joints, demands and state of pressure loops, references.
+    positions : (n,) array
+        Measured [rad].
+    time, position_time, measured_at, measurement_delay : float
+        Present time, stamp of the positions, when the pressures were measured, and age of a
+        measurement at its stamp [s].
+    """
+    for i in range(len(x)):
+        f, delay = K_FEEDBACK, k[i][K_DELAY]
+        late = max(-delay, 0.0)
+        first = max(v[2 * i][V_DELAY] - late, 0.0)
+        second = max(v[2 * i + 1][V_DELAY] - late, 0.0)
+        now_at = measured_at - u[i][U_PRESSURE_LAG] - late
+        seen_at = position_time - measurement_delay - u[i][U_POSITION_DELAY] - max(delay, 0.0)
+        look_up(x[i], X_NOW, now_at, history, ends, i)
+        if seen_at == now_at:
+            copy_moment(x[i], X_SEEN, X_NOW)
+        else:
+            look_up(x[i], X_SEEN, seen_at, history, ends, i)
+        look_up(x[i], X_ACTS_A, time + u[i][U_ACTS_A] + first, history, ends, i)
+        acts = time + u[i][U_ACTS_B] + second
+        if acts == x[i][X_ACTS_A]:
+            copy_moment(x[i], X_ACTS_B, X_ACTS_A)
+        else:
+            look_up(x[i], X_ACTS_B, acts, history, ends, i)
+        fresh = take_position(k[i], positions[i], position_time, u[i][U_SPEED_FILTER])
+        error = x[i][X_SEEN + 1] - positions[i]
+        gains_at(u[i], U_SCHEDULE, u[i][U_SCHEDULED], k[i][K_STIFFNESS], k[i], K_GAINS)
+        x[i][X_OUTPUT] = pid_output(k[i], f, K_GAINS, error, fresh)
+        x[i][X_INTEGRAL] = k[i][f + F_INTEGRAL]
+        x[i][X_OBSERVER] = k[i][K_GAINS + 4]
+        x[i][X_POSITION], x[i][X_VELOCITY] = k[i][K_POSITION], k[i][K_VELOCITY]
+        x[i][X_FRESH], x[i][X_MEASURED_AT] = fresh, measured_at
+        x[i][X_PRESSURE_A], x[i][X_PRESSURE_B] = d[2 * i][D_PRESSURE], d[2 * i + 1][D_PRESSURE]
+        x[i][X_DESIRED_A], x[i][X_DESIRED_B] = k[i][K_DESIRED_A], k[i][K_DESIRED_B]
+        k[i][K_SEEN_POSITION], k[i][K_SEEN_ERROR] = positions[i], error
+
+
+@entry_point
+def demand(x: Any, k: Any, u: Any, d: Any, step: float) -> None:
+    """Write what the pressure loops have to do for the plans of all joints."""
+    for i in range(len(x)):
+        k[i][K_FEEDBACK + F_INTEGRAL] = x[i][X_NEW_INTEGRAL]
+        reach = u[i][U_PRESSURE_RATE] * step
+        is_limited = False
+        for side in range(2):
+            wanted, before = x[i][X_REFERENCE_A + side], k[i][K_DESIRED_A + side]
+            desired = limited(wanted, before - reach, before + reach)
+            is_limited = is_limited or desired != wanted
+            k[i][K_DESIRED_A + side] = desired
+            ahead = x[i][(X_ACTS_A if side == 0 else X_ACTS_B) + 1] - x[i][X_SEEN + 1]
+            row = d[2 * i + side]
+            row[D_REFERENCE], row[D_RATE] = desired, x[i][X_RATE_A + side]
+            row[D_AHEAD] = x[i][X_AHEAD_A + side]
+            row[D_POSITION] = k[i][K_SEEN_POSITION] + ahead
+            row[D_SPEED] = x[i][X_SPEED_A + side]
+        k[i][K_RATE_LIMITED] = 1.0 if is_limited else 0.0
+
+
+@entry_point
+def settle(x: Any, k: Any, u: Any, cut: Any, step: float, sinks: bool) -> None:
+    """Advance the integrals of all joints after their valves were commanded.
+
+    `cut` is 1 for each valve that was limited; `sinks`: the air is let out slowly.
+    """
+    for i in range(len(x)):
+        is_cut = cut[2 * i] + cut[2 * i + 1] > 0.0
+        k[i][K_VALVE_LIMITED] = 1.0 if is_cut else 0.0
+        # a stiffness out of reach costs no torque, so that the integrator may go on
+        saturated = is_cut or k[i][K_RATE_LIMITED] > 0.0 or x[i][X_TORQUE_LIMITED] > 0.0
+        integrate(
+            k[i], K_FEEDBACK, K_GAINS, k[i][K_SEEN_ERROR], step, x[i][X_MISSED],
+            u[i][U_INTEGRAL_LIMIT], sinks or (x[i][X_MISSED] == 0.0 and saturated),
+        )  # fmt: skip
+
+
+@entry_point
+def longest_delay(k: Any, v: Any) -> float:
+    """Longest learnt delay of a command, in addition to the stated ones [s]."""
+    longest = 0.0
+    for place in range(len(v)):
+        late = max(-k[place // 2][K_DELAY], 0.0)
+        longest = max(longest, v[place][V_DELAY] - late)
+    return longest
+
+
+def new_cycle(joints: int) -> Any:
+    """Rows of a cycle, for a law that has none of its own."""
+    return for_kernel(np.zeros((joints, N_CYCLE)))
+
+
+class CycleRows:
+    """The rows of all joints.
+
+    Parameters
+    ----------
+    x : rows
+        Of the cycle (`plan_rows`), one for each joint.
+
+    Attributes
+    ----------
+    x, k, u
+        Cycle, state and settings of the joints.
+    """
+
+    def __init__(self, x: Any) -> None:
+        self.x = x
+        self.k = for_kernel(np.zeros((len(x), N_STATE)))
+        self.u = for_kernel(np.zeros((len(x), U_SCHEDULE)))
+
+    def use(self, setups: Sequence[JointSetup], joints: Sequence[JointModels]) -> None:
+        """Use other settings from the next cycle on."""
+        rows = []
+        for setup, models in zip(setups, joints, strict=True):
+            schedule = setup.gains.row
+            rows.append(
+                [
+                    setup.settings.derivative_filter, setup.integral_limit,
+                    setup.settings.pressure_rate, *setup.acting_delays, models.position_delay,
+                    models.pressure_lag, len(setup.gains.stiffnesses), *schedule,
+                ]
+            )  # fmt: skip
+        width = max(map(len, rows))
+        self.u = for_kernel(np.array([row + [0.0] * (width - len(row)) for row in rows]))

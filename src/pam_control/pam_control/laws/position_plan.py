@@ -1,0 +1,412 @@
+"""One cycle of the model-based law, for the rows of all joints.
+
+The parts of the plan are functions of one joint's rows (`plan_rows`). `plan_parts` goes through
+them for joints whose muscles are in closed form; for other muscles, and for a motion that is being
+learnt, the law stops between two parts and lets Python compute what is lacking.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Final
+
+from pam_control.adaptation.stiffness_estimate import EVERY as ESTIMATE_EVERY
+from pam_control.adaptation.torque_adaptation import learnt_torque, take_torque
+from pam_control.compensation.dry_friction import friction_change
+from pam_control.compensation.history_torque import history_torque
+from pam_control.feedback.disturbance_observer import observed_loss
+from pam_control.feedback.pid import handed_over
+from pam_control.feedback.stuck_integral import given_back
+from pam_control.laws.plan_rows import (
+    A_DELAY,
+    A_FRICTION,
+    A_KNOWS,
+    J_HIGH_A,
+    J_HIGH_B,
+    J_IN_CLOSED_FORM,
+    J_KEPT,
+    J_LAG,
+    J_LOW_A,
+    J_LOW_B,
+    J_MOST_A,
+    J_MOST_B,
+    J_POSITION_HIGH,
+    J_POSITION_LOW,
+    P_A,
+    P_B,
+    P_KNOWN,
+    P_MEMORY,
+    P_STIFFNESS,
+    S_ADAPTATION_LIMIT,
+    S_ADAPTS,
+    S_FEEDFORWARD,
+    S_OBSERVER_LIMIT,
+    S_SPEED_FILTER,
+    S_STIFFNESS_RATE,
+    X_ACTS_A,
+    X_ACTS_B,
+    X_ADDED,
+    X_AHEAD_A,
+    X_AHEAD_B,
+    X_ASKED_POSITION,
+    X_ASKED_STIFFNESS,
+    X_ASKED_TORQUE,
+    X_AT_SEEN_A,
+    X_AT_SEEN_B,
+    X_BASE,
+    X_BEFORE_A,
+    X_BEFORE_B,
+    X_BESIDE,
+    X_CORRECTION,
+    X_DESIRED_A,
+    X_DESIRED_B,
+    X_DISTURBANCE,
+    X_ESTIMATE_DUE,
+    X_FACTOR,
+    X_FRESH,
+    X_INSIDE,
+    X_INTEGRAL,
+    X_IS_DUE,
+    X_KNOWN,
+    X_LAGGING_A,
+    X_LAGGING_B,
+    X_LAGGING_INSIDE,
+    X_LEARNT,
+    X_LOST,
+    X_MEASURED_AT,
+    X_MISSED,
+    X_NEW_INTEGRAL,
+    X_NOW,
+    X_OBSERVER,
+    X_OUTPUT,
+    X_PAST_STIFFNESS,
+    X_PLANNED_TORQUE,
+    X_POSITION,
+    X_PRESSURE_A,
+    X_PRESSURE_B,
+    X_RATE_A,
+    X_RATE_B,
+    X_REACHED_A,
+    X_REACHED_B,
+    X_REACHED_STIFFNESS,
+    X_REACHED_TORQUE,
+    X_REFERENCE_A,
+    X_REFERENCE_B,
+    X_SEEN,
+    X_SHIFT_A,
+    X_SHIFT_B,
+    X_SPEED_A,
+    X_SPEED_B,
+    X_STIFFNESS,
+    X_STIFFNESS_LIMITED,
+    X_TORQUE,
+    X_TORQUE_BEFORE,
+    X_TORQUE_LAGGING,
+    X_TORQUE_LIMITED,
+    X_TORQUE_SEEN,
+    X_TRUE_STIFFNESS,
+    X_USUAL,
+    X_VELOCITY,
+    X_WANTED,
+    Y_ADAPTED,
+    Y_LAGGING,
+    Y_LAGGING_SPEED,
+    Y_SHOWN_A,
+    Y_SHOWN_B,
+    Y_SINCE_ESTIMATE,
+    Y_STIFFNESS,
+)
+from pam_control.limited import limited
+from pam_control.plan_memory import (
+    measure,
+    newest,
+    planned_at,
+    planned_rate,
+    remember,
+    shown_pressure,
+    value_at,
+)
+from pam_model.joints.affine_inverse import Line, affine_line, affine_pressures
+from pam_model.physics.joint_geometry import AGONIST_SIGN, ANTAGONIST_SIGN, muscle_length
+from pam_model.plant.compiled import entry_point
+from pam_model.plant.composition import dry_friction, joint_torque
+from pam_model.plant.layout import (
+    AGONIST,
+    ANTAGONIST,
+    C_GRAVITY,
+    C_GRAVITY_ANGLE,
+    C_INERTIA,
+    C_RADIUS,
+    C_VISCOUS,
+    M_NEUTRAL,
+)
+from pam_model.plant.muscle_stage import braid_force
+
+RATE_SPAN: Final = 0.01  # s, over which the rate of the muscles' torque is taken
+OBSERVE, AHEAD, NOW, AIM, REACHED = range(5)
+"""The parts of a plan. OBSERVE: pressures at the time of the position, torques that are known and
+learnt. AHEAD: the pressures for the time when the valves act. NOW: what those of now lack, and
+what is learnt from it. AIM: torque and stiffness for now. REACHED: the plan."""
+
+
+def inside(j: Any, position: float) -> float:
+    """The position [rad] limited to the range of the muscles' models."""
+    return limited(position, j[J_POSITION_LOW], j[J_POSITION_HIGH])
+
+
+def static_torque(c: Any, position: float, velocity: float) -> float:
+    """Torque [N m] for a measured motion [rad], [rad/s]: no inertia, no friction."""
+    return float(gravity(c, position) - joint_torque(c, position, velocity))
+
+
+def gravity(c: Any, position: float) -> float:
+    """Torque [N m] that holds the limb still at a position [rad]."""
+    return float(c[C_GRAVITY] * math.sin(position - c[C_GRAVITY_ANGLE]))
+
+
+def needed_torque(c: Any, x: Any, at: int) -> float:
+    """Torque [N m] for the reference in a row from a place on, without dry friction."""
+    moving = c[C_INERTIA] * x[at + 2] + c[C_VISCOUS] * x[at + 1]
+    return float(moving + gravity(c, x[at]) - joint_torque(c, x[at], x[at + 1]))
+
+
+def muscles_torque(c: Any, table: Any, a: float, b: float, position: float) -> float:
+    """Torque of muscles in closed form [N m] at pressures [Pa gauge] and a position [rad]."""
+    radius = c[C_RADIUS]
+    first = muscle_length(c[AGONIST + M_NEUTRAL], AGONIST_SIGN, radius, position)
+    second = muscle_length(c[ANTAGONIST + M_NEUTRAL], ANTAGONIST_SIGN, radius, position)
+    pull, _, _ = braid_force(AGONIST, c, table, a, first)
+    against, _, _ = braid_force(ANTAGONIST, c, table, b, second)
+    return float(radius * (max(0.0, pull) - max(0.0, against)))
+
+
+def muscle_line(m: int, c: Any, table: Any, length: float, low: float, high: float) -> Line:
+    """What a muscle in closed form does at a length [m], in a range of pressures [Pa gauge]."""
+    passive, offset, scale = braid_force(m, c, table, 0.0, length)
+    _, slope, _ = braid_force(m, c, table, high, length)
+    return affine_line(scale, passive, (slope - offset) / high, offset, low, high)
+
+
+def reach(c: Any, j: Any, x: Any, table: Any) -> None:
+    """Find the pressures for what is asked for, of muscles in closed form."""
+    position, radius = inside(j, x[X_ASKED_POSITION]), c[C_RADIUS]
+    first = muscle_length(c[AGONIST + M_NEUTRAL], AGONIST_SIGN, radius, position)
+    second = muscle_length(c[ANTAGONIST + M_NEUTRAL], ANTAGONIST_SIGN, radius, position)
+    a, b, torque, stiffness, cut, soft = affine_pressures(
+        muscle_line(AGONIST, c, table, first, j[J_LOW_A], j[J_HIGH_A]),
+        muscle_line(ANTAGONIST, c, table, second, j[J_LOW_B], j[J_HIGH_B]),
+        radius, x[X_ASKED_TORQUE], x[X_ASKED_STIFFNESS],
+    )  # fmt: skip
+    x[X_REACHED_A], x[X_REACHED_B] = a, b
+    x[X_REACHED_TORQUE], x[X_REACHED_STIFFNESS] = torque, stiffness
+    x[X_TORQUE_LIMITED], x[X_STIFFNESS_LIMITED] = 1.0 if cut else 0.0, 1.0 if soft else 0.0
+
+
+def later_act(x: Any) -> int:
+    """Where the moment is at which the later valve acts."""
+    return X_ACTS_A if x[X_ACTS_A] >= x[X_ACTS_B] else X_ACTS_B
+
+
+def observe(
+    c: Any, j: Any, s: Any, x: Any, y: Any, a: Any, memory: Any, plans: Any, plan_ends: Any,
+    samples: Any, sample_ends: Any,
+) -> None:  # fmt: skip
+    """Pressures at the time of the position; torques that are known and learnt."""
+    if s[S_ADAPTS] > 0.0 or x[X_OBSERVER] > 0.0:
+        measure(samples, sample_ends, x[X_MEASURED_AT], x[X_PRESSURE_A], x[X_PRESSURE_B], j[J_KEPT])
+    x[X_INSIDE] = inside(j, x[X_POSITION])
+    if x[X_OBSERVER] > 0.0:
+        x[X_AT_SEEN_A] = value_at(samples, sample_ends, x[X_SEEN], P_A, 1.0)
+        x[X_AT_SEEN_B] = value_at(samples, sample_ends, x[X_SEEN], P_B, 1.0)
+    if s[S_ADAPTS] > 0.0:
+        # the motion with the lag of the pressure sensors, so that both fit
+        if j[J_LAG] == 0.0 or math.isnan(y[Y_LAGGING]):
+            y[Y_LAGGING], y[Y_LAGGING_SPEED] = x[X_POSITION], x[X_VELOCITY]
+        else:
+            weight = x[X_FRESH] / (j[J_LAG] + x[X_FRESH])
+            y[Y_LAGGING] += weight * (x[X_POSITION] - y[Y_LAGGING])
+            y[Y_LAGGING_SPEED] += weight * (x[X_VELOCITY] - y[Y_LAGGING_SPEED])
+        x[X_LAGGING_INSIDE] = inside(j, y[Y_LAGGING])
+        # by the rig file, without the learnt delay
+        at = x[X_SEEN] + max(a[A_DELAY], 0.0)
+        x[X_LAGGING_A] = value_at(samples, sample_ends, at, P_A, 1.0)
+        x[X_LAGGING_B] = value_at(samples, sample_ends, at, P_B, 1.0)
+        x[X_BEFORE_A] = value_at(samples, sample_ends, at - RATE_SPAN, P_A, 1.0)
+        x[X_BEFORE_B] = value_at(samples, sample_ends, at - RATE_SPAN, P_B, 1.0)
+    then = later_act(x)
+    time, position, velocity, push = x[then], x[then + 1], x[then + 2], x[then + 3]
+    before_a, before_b = x[X_DESIRED_A], x[X_DESIRED_B]
+    if plan_ends[1] > 0:
+        last = plans[newest(plans, plan_ends)]
+        before_a, before_b = last[P_A], last[P_B]
+    else:
+        y[Y_SHOWN_A], y[Y_SHOWN_B] = before_a, before_b
+    x[X_KNOWN] = history_torque(c, j, y, memory, time, position, velocity, push, before_a, before_b)
+    x[X_USUAL] = 0.0
+    if s[S_ADAPTS] > 0.0:
+        x[X_USUAL] = learnt_torque(y, a, time, position, velocity, push, s[S_ADAPTATION_LIMIT])
+    x[X_BASE], x[X_CORRECTION] = x[X_USUAL], 0.0
+
+
+def measured_torques(c: Any, s: Any, x: Any, table: Any) -> None:
+    """The torques of muscles in closed form at the measured pressures."""
+    if x[X_OBSERVER] > 0.0:
+        x[X_TORQUE_SEEN] = muscles_torque(c, table, x[X_AT_SEEN_A], x[X_AT_SEEN_B], x[X_INSIDE])
+    if s[S_ADAPTS] > 0.0:
+        place = x[X_LAGGING_INSIDE]
+        x[X_TORQUE_LAGGING] = muscles_torque(c, table, x[X_LAGGING_A], x[X_LAGGING_B], place)
+        x[X_TORQUE_BEFORE] = muscles_torque(c, table, x[X_BEFORE_A], x[X_BEFORE_B], place)
+
+
+def ask_ahead(c: Any, x: Any, y: Any) -> None:
+    """Torque and stiffness for the time when the later valve acts."""
+    then = later_act(x)
+    x[X_ADDED] = x[X_KNOWN] - x[X_BASE]
+    x[X_ASKED_TORQUE] = needed_torque(c, x, then + 1) - x[X_ADDED]
+    x[X_ASKED_STIFFNESS], x[X_ASKED_POSITION] = y[Y_STIFFNESS], x[then + 1]
+
+
+def plan_now(
+    c: Any, j: Any, s: Any, x: Any, y: Any, a: Any, plans: Any, ends: Any, step: float
+) -> None:
+    """What the pressures of now lack, and what is learnt from it."""
+    then = later_act(x)
+    now = x[X_NOW]
+    remember(
+        plans, ends, now, x[then], x[X_REACHED_A], x[X_REACHED_B], y[Y_STIFFNESS], x[X_ADDED],
+        x[X_KNOWN],
+    )  # fmt: skip
+    y[Y_SHOWN_A] = shown_pressure(plans, ends, y[Y_SHOWN_A], now, j[J_LAG], step, P_A)
+    y[Y_SHOWN_B] = shown_pressure(plans, ends, y[Y_SHOWN_B], now, j[J_LAG], step, P_B)
+    x[X_AHEAD_A] = planned_at(plans, ends, x[X_ACTS_A], P_A) - y[Y_SHOWN_A]
+    x[X_AHEAD_B] = planned_at(plans, ends, x[X_ACTS_B], P_B) - y[Y_SHOWN_B]
+    x[X_SHIFT_A] = y[Y_SHOWN_A] - planned_at(plans, ends, now, P_A)
+    x[X_SHIFT_B] = y[Y_SHOWN_B] - planned_at(plans, ends, now, P_B)
+    x[X_RATE_A] = planned_rate(plans, ends, x[X_ACTS_A], P_A)
+    x[X_RATE_B] = planned_rate(plans, ends, x[X_ACTS_B], P_B)
+    x[X_PAST_STIFFNESS] = planned_at(plans, ends, now, P_STIFFNESS)
+    memory = planned_at(plans, ends, now, P_MEMORY)
+    torque = needed_torque(c, x, X_NOW + 1) - memory + x[X_OUTPUT] + x[X_CORRECTION]
+    torque += friction_change(c, x[X_SEEN + 2], x[X_VELOCITY])
+    x[X_LOST] = math.nan
+    if x[X_OBSERVER] > 0.0:
+        x[X_LOST] = observed_loss(
+            y, x[X_FRESH], x[X_TORQUE_SEEN] + memory,
+            static_torque(c, x[X_POSITION], x[X_VELOCITY]), x[X_VELOCITY], c[C_INERTIA],
+            c[C_VISCOUS], j[J_LAG], x[X_OBSERVER], s[S_SPEED_FILTER], s[S_OBSERVER_LIMIT],
+        )  # fmt: skip
+        torque += x[X_LOST]
+    x[X_PLANNED_TORQUE], x[X_LEARNT] = torque, 0.0
+    x[X_IS_DUE] = x[X_ESTIMATE_DUE] = 0.0
+    if s[S_ADAPTS] > 0.0:
+        position, speed = y[Y_LAGGING], y[Y_LAGGING_SPEED]
+        known = planned_at(plans, ends, x[X_SEEN], P_KNOWN)
+        model = static_torque(c, position, speed)
+        muscles = x[X_TORQUE_LAGGING]
+        is_due = take_torque(
+            a, x[X_FRESH], muscles + known - model, (muscles - x[X_TORQUE_BEFORE]) / RATE_SPAN,
+            position, speed, s[S_SPEED_FILTER],
+        )  # fmt: skip
+        x[X_BESIDE] = known - model + gravity(c, position)
+        y[Y_SINCE_ESTIMATE] += max(x[X_FRESH], 0.0)
+        x[X_IS_DUE] = 1.0 if is_due else 0.0
+        x[X_ESTIMATE_DUE] = 1.0 if y[Y_SINCE_ESTIMATE] >= ESTIMATE_EVERY else 0.0
+
+
+def aim_ahead(c: Any, s: Any, x: Any, y: Any, a: Any) -> None:
+    """Torque and stiffness for now, with the feedforward."""
+    integral, disturbance = x[X_INTEGRAL], -x[X_LOST]
+    if s[S_ADAPTS] > 0.0:
+        # a motion that is repeated keeps what it was played with
+        if x[X_BASE] == x[X_USUAL]:
+            integral = handed_over(integral, x[X_LEARNT])
+        if a[A_KNOWS] > 0.0:  # so that a payload stays visible
+            disturbance = (0.0 if math.isnan(disturbance) else disturbance) - x[X_BASE]
+    friction = a[A_FRICTION] + dry_friction(c, 0.0)
+    integral -= given_back(y, x, X_SEEN + 1, x[X_POSITION], integral, friction)
+    y[Y_ADAPTED] = x[X_BASE]
+    x[X_NEW_INTEGRAL], x[X_DISTURBANCE] = integral, disturbance
+    x[X_ASKED_TORQUE], x[X_ASKED_STIFFNESS] = x[X_PLANNED_TORQUE], x[X_PAST_STIFFNESS]
+    x[X_ASKED_POSITION] = x[X_NOW + 1]
+    x[X_SPEED_A], x[X_SPEED_B] = x[X_ACTS_A + 2], x[X_ACTS_B + 2]
+
+
+def aim_at_output(x: Any, y: Any) -> None:
+    """Torque and stiffness for now, without a feedforward."""
+    x[X_NEW_INTEGRAL], x[X_DISTURBANCE] = x[X_INTEGRAL], math.nan
+    x[X_ASKED_TORQUE], x[X_ASKED_STIFFNESS] = x[X_OUTPUT], y[Y_STIFFNESS]
+    x[X_ASKED_POSITION] = x[X_POSITION]
+    for place in (X_RATE_A, X_RATE_B, X_AHEAD_A, X_AHEAD_B, X_SHIFT_A, X_SHIFT_B):
+        x[place] = 0.0
+    x[X_SPEED_A] = x[X_SPEED_B] = x[X_VELOCITY]
+
+
+def planned(j: Any, x: Any, y: Any) -> None:
+    """The plan, when the pressures are known."""
+    a, b = x[X_REACHED_A], x[X_REACHED_B]
+    if x[X_SHIFT_A] != 0.0 or x[X_SHIFT_B] != 0.0:
+        # what a lagging sensor adds, within what may be asked for
+        a = limited(a + x[X_SHIFT_A], 0.0, j[J_MOST_A])
+        b = limited(b + x[X_SHIFT_B], 0.0, j[J_MOST_B])
+    x[X_REFERENCE_A], x[X_REFERENCE_B] = a, b
+    missed = x[X_REACHED_TORQUE] - x[X_ASKED_TORQUE]
+    x[X_MISSED] = missed if x[X_TORQUE_LIMITED] > 0.0 else 0.0
+    x[X_TORQUE], x[X_STIFFNESS] = x[X_ASKED_TORQUE], y[Y_STIFFNESS]
+    x[X_TRUE_STIFFNESS] = x[X_FACTOR] * x[X_REACHED_STIFFNESS]
+
+
+@entry_point
+def plan_parts(
+    first: int, last: int, begin: int, end: int, step: float, c: Any, j: Any, s: Any, x: Any,
+    y: Any, a: Any, memory: Any, plans: Any, plan_ends: Any, samples: Any, sample_ends: Any,
+) -> bool:  # fmt: skip
+    """Go through parts of the plan for joints.
+
+    Parameters
+    ----------
+    first, last : int
+        The parts, both included.
+    begin, end : int
+        The joints from `begin` to before `end`.
+    step : float
+        Time since the last cycle [s].
+    c, j, s, x, y, a, memory, plans, plan_ends, samples, sample_ends : rows
+        Of all joints: constants, numbers, settings, cycle, state, what is learnt, states of the
+        muscles, what was planned and what was measured.
+
+    Returns
+    -------
+    bool
+        Whether something is due to be learnt.
+    """
+    is_due = False
+    for i in range(begin, end):
+        ahead, closed = s[i][S_FEEDFORWARD] > 0.0, j[i][J_IN_CLOSED_FORM] > 0.0
+        if first <= OBSERVE <= last:
+            reach_stiffness = s[i][S_STIFFNESS_RATE] * step
+            change = limited(x[i][X_WANTED] - y[i][Y_STIFFNESS], -reach_stiffness, reach_stiffness)
+            y[i][Y_STIFFNESS] += change
+            if ahead:
+                observe(
+                    c[i], j[i], s[i], x[i], y[i], a[i], memory[i], plans[i], plan_ends[i],
+                    samples[i], sample_ends[i],
+                )  # fmt: skip
+                if closed:
+                    measured_torques(c[i], s[i], x[i], c)
+        if first <= AHEAD <= last and ahead:
+            ask_ahead(c[i], x[i], y[i])
+            if closed:
+                reach(c[i], j[i], x[i], c)
+        if first <= NOW <= last and ahead:
+            plan_now(c[i], j[i], s[i], x[i], y[i], a[i], plans[i], plan_ends[i], step)
+            is_due = is_due or x[i][X_IS_DUE] > 0.0 or x[i][X_ESTIMATE_DUE] > 0.0
+        if first <= AIM <= last:
+            if ahead:
+                aim_ahead(c[i], s[i], x[i], y[i], a[i])
+            else:
+                aim_at_output(x[i], y[i])
+            if closed:
+                reach(c[i], j[i], x[i], c)
+        if first <= REACHED <= last:
+            planned(j[i], x[i], y[i])
+    return is_due

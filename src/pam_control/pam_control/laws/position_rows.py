@@ -1,0 +1,300 @@
+"""The rows of joints under the model-based law, and what Python adds to its compiled plan.
+
+Python computes the fits of what is learnt, which are due from time to time; the statics of muscles
+that are not in closed form; and the correction of a motion that is repeated.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pam_control.adaptation.stiffness_estimate import StiffnessEstimate
+from pam_control.adaptation.torque_adaptation import TorqueAdaptation
+from pam_control.compensation.history_torque import begin_history
+from pam_control.feedback.disturbance_observer import begin_observer
+from pam_control.feedback.stuck_integral import begin_sticking
+from pam_control.joint_models import PRESSURE_SHARE, JointModels
+from pam_control.laws.plan_rows import (
+    J_HAS_HISTORY,
+    J_HIGH_A,
+    J_HIGH_B,
+    J_IN_CLOSED_FORM,
+    J_KEPT,
+    J_LAG,
+    J_LOW_A,
+    J_LOW_B,
+    J_MOST_A,
+    J_MOST_B,
+    J_POSITION_HIGH,
+    J_POSITION_LOW,
+    J_PRESLIDING,
+    N_CYCLE,
+    N_JOINT,
+    N_LEARNING,
+    N_MEASURED,
+    N_PLAN,
+    N_SETTINGS,
+    S_ADAPTATION_LIMIT,
+    S_ADAPTS,
+    S_FEEDFORWARD,
+    S_OBSERVER_LIMIT,
+    S_SPEED_FILTER,
+    S_STIFFNESS_RATE,
+    X_ASKED_POSITION,
+    X_ASKED_STIFFNESS,
+    X_ASKED_TORQUE,
+    X_AT_SEEN_A,
+    X_AT_SEEN_B,
+    X_BASE,
+    X_BEFORE_A,
+    X_BEFORE_B,
+    X_BESIDE,
+    X_CORRECTION,
+    X_ESTIMATE_DUE,
+    X_INSIDE,
+    X_IS_DUE,
+    X_LAGGING_A,
+    X_LAGGING_B,
+    X_LAGGING_INSIDE,
+    X_LEARNT,
+    X_MEASURED_AT,
+    X_OBSERVER,
+    X_POSITION,
+    X_REACHED_A,
+    X_SEEN,
+    X_STIFFNESS_LIMITED,
+    X_TORQUE_BEFORE,
+    X_TORQUE_LAGGING,
+    X_TORQUE_SEEN,
+    X_USUAL,
+    Y_ADAPTED,
+    Y_LAGGING,
+    Y_LAGGING_SPEED,
+    Y_SINCE_ESTIMATE,
+    Y_STIFFNESS,
+)
+from pam_control.laws.position_plan import AHEAD, AIM, NOW, OBSERVE, REACHED, plan_parts
+from pam_control.learning.motion_learner import MotionLearner
+from pam_control.limited import limited
+from pam_control.plan_memory import KEPT_BEFORE_MEASUREMENT, Rings, new_plans
+from pam_control.settings import ControlSettings
+from pam_model.effects.slots import PullState
+from pam_model.plant.compiled import for_kernel, prepare
+from pam_model.plant.layout import N_MUSCLE_STATES
+from pam_model.views.joint_numbers import is_closed_form, joint_numbers
+
+
+@dataclass(frozen=True, slots=True)
+class Estimates:
+    """What is learnt of one joint; each part is changed in place.
+
+    Attributes
+    ----------
+    adaptation : TorqueAdaptation
+        Of the torque along a motion.
+    stiffness : StiffnessEstimate
+        Of the numbers of the rig file.
+    """
+
+    adaptation: TorqueAdaptation
+    stiffness: StiffnessEstimate
+
+    @classmethod
+    def of(cls, models: JointModels, y: Any, a: Any) -> Estimates:
+        """Nothing is known of the joint but its models; `y` and `a` are its rows."""
+        robot, joint, dynamics = models.robot, models.joint, models.dynamics
+        inertia, damping = dynamics.moving_torque(0.0, 1.0), dynamics.moving_torque(1.0, 0.0)
+        return cls(
+            TorqueAdaptation(y, a, inertia, damping, models.scale.torque, models.turn),
+            StiffnessEstimate(
+                robot.rig,
+                robot.rig.joints[joint.place],
+                models.model,
+                dynamics,
+                models.scale.torque,
+                models.turn + 0.5 / len(robot.joints),
+            ),
+        )
+
+    def forget(self) -> None:
+        """What was learnt is forgotten."""
+        self.adaptation.forget()
+        self.stiffness.forget()
+
+
+class PositionRows:
+    """Joints under the model-based law.
+
+    Parameters
+    ----------
+    joints : sequence of JointModels
+        The joints.
+
+    Attributes
+    ----------
+    c, j, s, x, y, a, memory
+        Rows of all joints, see `plan_parts`.
+    plans, samples : Rings
+        What was planned and what was measured.
+    estimates : list of Estimates
+        What is learnt of each joint.
+    """
+
+    def __init__(self, joints: Sequence[JointModels]) -> None:
+        count, self._joints = len(joints), joints
+        numbers = joint_numbers(joints[0].robot)
+        self.c = for_kernel(numbers[[models.joint.place for models in joints]])
+        self.j = for_kernel(np.array([_numbers(m, c) for m, c in zip(joints, self.c, strict=True)]))
+        self._open = [k for k, row in enumerate(self.j) if row[J_IN_CLOSED_FORM] == 0.0]
+        self.s = for_kernel(np.zeros((count, N_SETTINGS)))
+        self.x = for_kernel(np.zeros((count, N_CYCLE)))
+        self.y = for_kernel(np.zeros((count, N_PLAN)))
+        self.a = for_kernel(np.zeros((count, N_LEARNING)))
+        self.memory = for_kernel(np.zeros((count, 2 * N_MUSCLE_STATES)))
+        self.plans, self.samples = new_plans(count), Rings(count, N_MEASURED)
+        self.estimates = [
+            Estimates.of(models, y, a) for models, y, a in zip(joints, self.y, self.a, strict=True)
+        ]
+        for place in range(count):
+            self.y[place][Y_STIFFNESS] = math.nan
+            self.rest(place)
+        prepare(plan_parts, OBSERVE, NOW, *self._rows(0, count, 0.0))
+
+    def _rows(self, begin: int, end: int, step: float) -> tuple[Any, ...]:
+        """The arguments of `plan_parts` after the parts."""
+        return (
+            begin, end, step, self.c, self.j, self.s, self.x, self.y, self.a, self.memory,
+            self.plans.rows, self.plans.ends, self.samples.rows, self.samples.ends,
+        )  # fmt: skip
+
+    def rest(self, place: int) -> None:
+        """A joint is taken over; what was learnt of it stays."""
+        y, estimates = self.y[place], self.estimates[place]
+        begin_observer(y, 0.0, 0.0)
+        begin_sticking(y)
+        begin_history(y, self.memory[place])
+        y[Y_ADAPTED], y[Y_LAGGING], y[Y_LAGGING_SPEED] = 0.0, math.nan, math.nan
+        self.plans.clear(place)
+        self.samples.clear(place)
+        estimates.adaptation.restart()
+        estimates.stiffness.restart()
+        y[Y_SINCE_ESTIMATE] = estimates.stiffness.since
+
+    def use(self, place: int, settings: ControlSettings, adapts: bool) -> None:
+        """Use these settings of a joint, and what was learnt or not, from the next cycle on."""
+        s, joint = self.s[place], self._joints[place].joint
+        s[S_FEEDFORWARD], s[S_ADAPTS] = float(settings.feedforward), float(adapts)
+        s[S_STIFFNESS_RATE] = min(settings.stiffness_rate, joint.max_stiffness_rate)
+        s[S_ADAPTATION_LIMIT] = settings.adaptation_limit
+        s[S_OBSERVER_LIMIT], s[S_SPEED_FILTER] = settings.observer_limit, settings.derivative_filter
+
+    def plan(
+        self, begin: int, end: int, step: float, learners: Mapping[int, MotionLearner]
+    ) -> None:
+        """Plan one cycle of the joints from `begin` to before `end`, after a step [s].
+
+        Parameters
+        ----------
+        begin, end : int
+            The joints, whose `X_OUTPUT` and its like are written.
+        step : float
+            Time since the last cycle [s].
+        learners : mapping of int to MotionLearner
+            Of the joints whose motion is learnt.
+        """
+        self.plans.make_room()
+        self.samples.make_room()
+        rows = self._rows(begin, end, step)
+        others = [k for k in self._open if begin <= k < end]
+        if others or learners:
+            plan_parts(OBSERVE, OBSERVE, *rows)
+            for place in others:
+                self._measured_torques(place)
+            for place, learner in learners.items():
+                self._repeat(place, learner)
+            plan_parts(AHEAD, AHEAD, *rows)
+            for place in others:
+                if self.s[place][S_FEEDFORWARD] > 0.0:
+                    self._reach(place)
+            is_due = plan_parts(NOW, NOW, *rows)
+        else:
+            is_due = plan_parts(OBSERVE, NOW, *rows)
+        if is_due:
+            for place in range(begin, end):
+                self._learn(place)
+        if others:
+            plan_parts(AIM, AIM, *rows)
+            for place in others:
+                self._reach(place)
+            plan_parts(REACHED, REACHED, *rows)
+        else:
+            plan_parts(AIM, REACHED, *rows)
+
+    def _learn(self, place: int) -> None:
+        """Update the fits of a joint that are due."""
+        x, y, estimates = self.x[place], self.y[place], self.estimates[place]
+        if x[X_ESTIMATE_DUE] > 0.0:
+            stiffness = estimates.stiffness
+            stiffness.since = float(y[Y_SINCE_ESTIMATE])
+            aligned = float(x[X_LAGGING_A]), float(x[X_LAGGING_B])
+            stiffness.learn(0.0, aligned, float(x[X_LAGGING_INSIDE]), float(x[X_BESIDE]))
+            y[Y_SINCE_ESTIMATE] = stiffness.since
+        if x[X_IS_DUE] > 0.0:
+            x[X_LEARNT] = estimates.adaptation.update()
+
+    def _measured_torques(self, place: int) -> None:
+        x, s, model = self.x[place], self.s[place], self._joints[place].model
+        if s[S_FEEDFORWARD] == 0.0:
+            return
+        if x[X_OBSERVER] > 0.0:
+            pair = float(x[X_AT_SEEN_A]), float(x[X_AT_SEEN_B])
+            x[X_TORQUE_SEEN] = model.torque(*pair, float(x[X_INSIDE]))
+        if s[S_ADAPTS] > 0.0:
+            pairs = (
+                (float(x[X_LAGGING_A]), float(x[X_LAGGING_B])),
+                (float(x[X_BEFORE_A]), float(x[X_BEFORE_B])),
+            )
+            x[X_TORQUE_LAGGING], x[X_TORQUE_BEFORE] = model.torques(
+                pairs, float(x[X_LAGGING_INSIDE])
+            )
+
+    def _reach(self, place: int) -> None:
+        x = self.x[place]
+        found = self._joints[place].model.pressures_for(
+            float(x[X_ASKED_TORQUE]), float(x[X_ASKED_STIFFNESS]), float(x[X_ASKED_POSITION])
+        )
+        x[X_REACHED_A : X_STIFFNESS_LIMITED + 1] = [
+            found.agonist, found.antagonist, found.torque, found.stiffness,
+            float(found.torque_limited), float(found.stiffness_limited),
+        ]  # fmt: skip
+
+    def _repeat(self, place: int, learner: MotionLearner) -> None:
+        """The torque of the adaptation and the learnt correction for a repeated motion [N m]."""
+        x, at = self.x[place], float(self.x[place][X_MEASURED_AT])
+        if self.s[place][S_FEEDFORWARD] == 0.0:
+            return
+        base, correction = learner.torque(at, float(x[X_USUAL]))
+        seen, limit = float(x[X_SEEN + 1]), float(self.s[place][S_ADAPTATION_LIMIT])
+        learner.record(at, seen - float(x[X_POSITION]), base, seen)
+        x[X_BASE], x[X_CORRECTION] = base, limited(correction, -limit, limit)
+
+
+def _numbers(models: JointModels, c: Any) -> list[float]:
+    """The row `J_POSITION_LOW` and its like of a joint."""
+    row = [0.0] * N_JOINT
+    model = models.model
+    row[J_POSITION_LOW], row[J_POSITION_HIGH] = model.position_range
+    row[J_LOW_A], row[J_HIGH_A] = model.agonist.low_pressure, model.agonist.high_pressure
+    row[J_LOW_B], row[J_HIGH_B] = model.antagonist.low_pressure, model.antagonist.high_pressure
+    row[J_MOST_A], row[J_MOST_B] = (PRESSURE_SHARE * m.max_pressure for m in models.muscles)
+    row[J_LAG], row[J_PRESLIDING] = models.pressure_lag, models.dry_friction.presliding
+    row[J_KEPT] = models.position_delay + KEPT_BEFORE_MEASUREMENT
+    row[J_IN_CLOSED_FORM] = float(is_closed_form(c))
+    remembers = any(muscle.laws(PullState) for muscle in models.muscles)
+    row[J_HAS_HISTORY] = float(remembers or bool(models.dry_friction.laws))
+    return row

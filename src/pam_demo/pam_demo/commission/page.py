@@ -1,0 +1,137 @@
+"""The page of a commissioning: what was done, what was found, and tracking before and after."""
+
+from __future__ import annotations
+
+import io
+import math
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import matplotlib as mpl
+from matplotlib.figure import Figure
+
+from pam_demo.commission.sequence import Commissioned
+from pam_demo.commission.tracking import Tracked
+from pam_gap.answer.page_style import PLOT_LOOK, STYLE
+from pam_gap.answer.user_units import plain
+from pam_gap.calibration.answer import STATUS, interval_words, what_would_help
+from pam_gap.calibration.calibration import DETERMINED
+
+LOOK: Any = PLOT_LOOK | {"lines.linewidth": 1.1, "svg.hashsalt": "commission"}
+ASKED, BEFORE, AFTER = "#1d2433", "#d1495b", "#00798c"
+_PAGE = """<!doctype html>
+<html lang="en"><head><meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<title>{{ title }}</title><style>{{ style | safe }}</style></head><body><main>
+<h1>{{ title }}</h1>
+<div class="verdict" style="--verdict: {{ '#c2410c' if ended else '#00798c' }}">
+<b>{{ 'Ended' if ended else 'Commissioned' }}</b>{{ ended or summary }}</div>
+{% if tests %}<h2>Tracking</h2>
+<div class="wide" tabindex="0"><table><tr><th>rig file</th><th class="n">RMS error [mrad]</th>
+<th class="n">largest [mrad]</th><th>remark</th></tr>
+{% for test in tests %}<tr><td>{{ test.name }}</td><td class="n">{{ test.rms }}</td>
+<td class="n">{{ test.largest }}</td><td>{{ test.remark }}</td></tr>{% endfor %}</table></div>
+{% if plot %}<div class="wide" tabindex="0">{{ plot | safe }}</div>{% endif %}{% endif %}
+{% if steps %}<h2>Steps</h2>
+<div class="wide" tabindex="0"><table><tr><th>motion</th><th class="n">size</th>
+<th class="n">pressure</th><th class="n">speed</th><th class="n">range</th></tr>
+{% for step in steps %}<tr><td>{{ step.title }}</td><td class="n">{{ step.size }}</td>
+{% for cell in step.cells %}<td class="n">{{ cell }}</td>{% endfor %}</tr>{% endfor %}</table></div>
+<p class="quiet">Pressure, speed and range are shares of the limits: as measured, and in brackets as
+foreseen for the least favourable robot that the numbers permitted then.</p>{% endif %}
+{% if rows %}<h2>Numbers</h2>
+<div class="wide" tabindex="0"><table>
+<tr><th>number</th><th class="n">as written</th><th class="n">now</th>
+<th class="n">90 % interval</th><th>unit</th><th>what the motions say</th></tr>
+{% for row in rows %}<tr><td>{{ row.key }}</td><td class="n">{{ row.written }}</td>
+<td class="n">{{ row.value }}</td><td class="n">{{ row.interval }}</td><td>{{ row.unit }}</td>
+<td>{{ row.says }}</td></tr>{% endfor %}</table></div>{% endif %}
+</main></body></html>
+"""
+
+
+def _mrad(value: float) -> str:
+    return plain(1e3 * value, 3) if math.isfinite(value) else "-"
+
+
+def plot_of(before: Tracked | None, after: Tracked | None) -> str:
+    """Reference and measured angles of both tests, as SVG."""
+    with mpl.rc_context(LOOK):
+        figure = Figure(figsize=(8.0, 3.0), layout="constrained")
+        axes = figure.subplots()
+        for tracked, colour, label in (
+            (before, BEFORE, "rig file as it was"), (after, AFTER, "identified rig file"),
+        ):  # fmt: skip
+            if tracked is not None and len(tracked.table):
+                axes.plot(tracked.table["time"], tracked.table["position"], color=colour,
+                          label=label)  # fmt: skip
+        shown = after if after is not None and len(after.table) else before
+        if shown is not None and len(shown.table):
+            axes.plot(shown.table["time"], shown.table["reference"], color=ASKED, ls="--",
+                      label="reference")  # fmt: skip
+        axes.set_xlabel("time [s]")
+        axes.set_ylabel("angle [rad]")
+        axes.legend()
+        stream = io.StringIO()
+        figure.savefig(stream, format="svg", metadata={"Date": None})
+    text = stream.getvalue()
+    return text[text.index("<svg") :]
+
+
+def render(joint: str, done: Commissioned) -> str:
+    """The page as text.
+
+    Parameters
+    ----------
+    joint : str
+        Name of the joint.
+    done : Commissioned
+        What was found.
+    """
+    numbers = done.calibration.numbers if done.calibration is not None else ()
+    tests = [
+        {"name": name, "rms": _mrad(one.rms), "largest": _mrad(one.largest), "remark": one.stopped}
+        for name, one in (("as it was", done.before), ("identified", done.after))
+        if one is not None
+    ]
+    summary = ""
+    if done.after is not None:
+        summary = f"The joint tracks with {_mrad(done.after.rms)} mrad RMS."
+    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
+    return environment.from_string(_PAGE).render(
+        title=f"Commissioning of {joint}",
+        style=STYLE,
+        ended=done.ended,
+        summary=summary,
+        tests=tests,
+        plot=plot_of(done.before, done.after) if tests else "",
+        steps=[
+            {
+                "title": f"{step.motion}: {step.title}",
+                "size": f"{step.share:.0%}",
+                "cells": [
+                    f"{measured:.0%} ({foreseen:.0%})"
+                    for measured, foreseen in zip(step.most, step.foreseen, strict=True)
+                ],
+            }
+            for step in done.steps
+        ],
+        rows=[
+            {
+                "key": one.key,
+                "written": "missing" if one.written is None else plain(one.written, 4),
+                "value": plain(one.value, 4),
+                "interval": interval_words(*(one.relative or (one.low, one.high))),
+                "unit": one.unit,
+                "says": STATUS[one.status]
+                + ("" if one.status == DETERMINED else f"; would help: {what_would_help(one)}"),
+            }
+            for one in numbers
+        ],
+    )
+
+
+def write_page(joint: str, done: Commissioned, path: Path) -> None:
+    """Write the page to a file."""
+    path.write_text(render(joint, done), encoding="utf-8")

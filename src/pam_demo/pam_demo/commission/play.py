@@ -1,0 +1,199 @@
+"""Plays on a port: the first touch of the valves, the start-up check, a motion, a lowering.
+
+Everything is watched sample by sample. Where a watch ends a motion, the air is let out slowly, as
+at the end of every motion.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+import pandas as pd
+
+from pam_demo.commission.motion_loop import BANDWIDTH, Lowering, MotionLoop
+from pam_demo.commission.motions import Motion, Scale
+from pam_demo.commission.robot_port import Reading, RobotPort
+from pam_demo.commission.watch import Limits, Seen, watched
+from pam_driver.safety.start_up_check import NOT_EMPTY, StartUpCheck
+from pam_gap.experiments.loop import PressureLoop
+from pam_gap.recordings.recording import COMMANDS, JOINTS, PRESSURES
+from pam_model.rig import Rig
+from pam_model.robot import compose
+from pam_ros.valve_command import FLOW, PRESSURE_REGULATOR, ValveCommandFormat
+
+EMPTY: Final = 1.0  # s, of venting at the end of a motion
+TOUCH: Final = 0.4  # s, in which a valve is opened a little towards its exhaust
+TOUCH_OPENING: Final = 0.3  # of full opening, at its end
+RISEN: Final = 3e3  # Pa, that a muscle must not rise while all vent
+LONGEST_CHECK: Final = 120.0  # s
+
+
+@dataclass(slots=True)
+class Log:
+    """Rows of a recording."""
+
+    rig: Rig
+    rows: list[tuple[float, ...]] = field(default_factory=list)
+
+    def add(self, reading: Reading, commands: Sequence[float]) -> None:
+        """Add a reading, and the commands that hold from then on."""
+        self.rows.append((reading.time, reading.position, *reading.pressures, *commands))
+
+    def table(self) -> pd.DataFrame:
+        """The recording, with the names of channels and the time from its first row [s]."""
+        joint = self.rig.joints[0]
+        names = [
+            "time",
+            f"{JOINTS}{joint.name}.position",
+            *(f"{PRESSURES}{muscle}" for muscle in joint.muscles),
+            *(f"{COMMANDS}{muscle}" for muscle in joint.muscles),
+        ]
+        table = pd.DataFrame(np.array(self.rows).reshape(-1, len(names)), columns=names)
+        table["time"] -= table["time"].iloc[0] if len(table) else 0.0
+        return table
+
+
+@dataclass(frozen=True, slots=True)
+class Played:
+    """A motion that was played.
+
+    Attributes
+    ----------
+    table : pandas.DataFrame
+        The recording, by channels.
+    stopped : str
+        Why it was ended early; empty if it was not.
+    most : tuple of three floats
+        Largest measured use of the limits: pressure, speed, distance from the middle [-].
+    """
+
+    table: pd.DataFrame
+    stopped: str
+    most: tuple[float, float, float]
+
+
+def vented(rig: Rig) -> tuple[float, float]:
+    """The commands that empty both muscles."""
+    first, second = ValveCommandFormat(rig.valve_kinds).vented
+    return first, second
+
+
+def touch(port: RobotPort, rig: Rig) -> str:
+    """Open each flow valve a little towards its exhaust; why it does not vent, or empty.
+
+    A valve whose sign is reversed would fill its muscle when it is told to vent, so this comes
+    before anything else. A regulator cannot be reversed in this way.
+    """
+    joint = rig.joints[0]
+    kinds = [rig.muscle(name).valve.kind for name in joint.muscles]
+    shut = [0.0, 0.0]
+    rest = port.advance(shut)
+    if not all(map(math.isfinite, (rest.position, *rest.pressures))):
+        return "The angle or a pressure is missing or too old."
+    full = [n for n, p in zip(joint.muscles, rest.pressures, strict=True) if p > NOT_EMPTY]
+    if full:
+        return f"{' and '.join(full)} must be empty at the begin; vent the robot first."
+    for side, kind in enumerate(kinds):
+        if kind != FLOW:
+            continue
+        count = round(TOUCH / port.period)
+        for k in range(count):
+            commands = list(shut)
+            commands[side] = -TOUCH_OPENING * (k + 1) / count
+            shown = port.advance(commands)
+            risen = [a - b for a, b in zip(shown.pressures, rest.pressures, strict=True)]
+            if not max(risen) < RISEN:
+                port.advance(shut)
+                other = joint.muscles[risen.index(max(risen))]
+                return (
+                    f"The valve of {joint.muscles[side]} fills {other} when it should vent: the "
+                    "sign of its command is reversed, or supply and exhaust are exchanged."
+                )
+    return ""
+
+
+def start_up_check(port: RobotPort, rig: Rig) -> tuple[str, ...]:
+    """What the driver's start-up check finds, in full sentences; empty if all is as it should be.
+
+    It needs no more than the rig file of one joint, and says which hose, valve or sensor is at the
+    wrong place.
+    """
+    robot = compose(rig)
+    commands = vented(rig)
+    scales = [
+        muscle.valve.full_scale if muscle.valve.kind == PRESSURE_REGULATOR else 1.0
+        for muscle in rig.muscles
+    ]
+    fractions = [c / (s or 1.0) for c, s in zip(commands, scales, strict=True)]
+    check = StartUpCheck(robot, fractions)
+    reading = port.advance(commands)
+    begin = reading.time
+    check.start(begin)
+    while not check.finished:
+        if not all(map(math.isfinite, (reading.position, *reading.pressures))):
+            return ("The angle or a pressure is missing or too old.",)
+        if reading.time - begin > LONGEST_CHECK:
+            return (f"The start-up check has not ended within {LONGEST_CHECK:g} s.",)
+        set_points = check.setpoints(reading.pressures, [reading.position], reading.time)
+        reading = port.advance([f * (s or 1.0) for f, s in zip(set_points, scales, strict=True)])
+    rest(port, rig, EMPTY)
+    return tuple(map(str, check.findings))
+
+
+def rest(port: RobotPort, rig: Rig, duration: float) -> None:
+    """Vent for a while [s]."""
+    commands = vented(rig)
+    for _ in range(round(duration / port.period)):
+        port.advance(commands)
+
+
+def lower(port: RobotPort, rig: Rig, reading: Reading, log: Log) -> None:
+    """Let the air out slowly from the present pressures, then vent."""
+    lowering = Lowering(PressureLoop(rig, 0, BANDWIDTH), reading.pressures, port.period)
+    while all(map(math.isfinite, reading.pressures)):
+        commands = lowering.commands(reading.pressures)
+        if commands is None:
+            break
+        reading = port.advance(commands)
+        log.add(reading, commands)
+    commands = vented(rig)
+    for _ in range(round(EMPTY / port.period)):
+        log.add(port.advance(commands), commands)
+
+
+def play(port: RobotPort, rig: Rig, motion: Motion, scale: Scale, limits: Limits) -> Played:
+    """Play a motion and record it; a watch may end it.
+
+    Parameters
+    ----------
+    port : RobotPort
+        The robot; its muscles are empty.
+    rig : Rig
+        With one joint, by which the loop is made.
+    motion, scale, limits : Motion, Scale, Limits
+        What is played. Whatever ends it, the air is let out slowly.
+    """
+    loop, log = MotionLoop(rig, motion, scale), Log(rig)
+    commands = vented(rig)
+    reading = port.advance(commands)
+    log.add(reading, commands)
+    state, seen, stopped = loop.init(reading.position), Seen(), ""
+    most = np.zeros(3)
+    try:
+        for k in range(motion.level.size):
+            seen, stopped = watched(seen, reading, limits)
+            if stopped:
+                break
+            shares = limits.shares(reading.pressures, seen.speed, reading.position)
+            most = np.maximum(most, shares)
+            commands, state = loop.step(state, k, reading)
+            reading = port.advance(commands)
+            log.add(reading, commands)
+    finally:  # also at Ctrl-C
+        lower(port, rig, reading, log)
+    pressure, speed, place = most.tolist()
+    return Played(log.table(), stopped, (pressure, speed, place))

@@ -1,0 +1,53 @@
+"""What a commissioning needs of a robot: send commands, wait a period, read the sensors.
+
+A simulated robot, another plant and a robot on ROS topics have the same face, so that the same code
+commissions each of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple, Protocol
+
+
+class Reading(NamedTuple):
+    """What the sensors of one joint showed.
+
+    Attributes
+    ----------
+    time : float
+        Of the measurement [s].
+    position : float
+        [rad]; NaN if it is not known or too old.
+    pressures : (float, float)
+        Gauge, agonist first [Pa]; NaN if not known or too old.
+    """
+
+    time: float
+    position: float
+    pressures: tuple[float, float]
+
+
+class RobotPort(Protocol):
+    """One joint of a robot.
+
+    Attributes
+    ----------
+    period : float
+        Time between two readings [s].
+    measurement_delay, command_delay : float
+        From a sensor's sample to its stamp, and from a command to the valve [s].
+    """
+
+    period: float
+    measurement_delay: float
+    command_delay: float
+
+    def advance(self, commands: Sequence[float]) -> Reading:
+        """Send the commands of both valves, and return the readings of this period.
+
+        Parameters
+        ----------
+        commands : sequence of two floats
+            Agonist first: spool -1 to 1 of a flow valve, set point of a regulator [Pa gauge].
+        """

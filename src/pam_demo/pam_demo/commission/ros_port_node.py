@@ -1,0 +1,190 @@
+"""A port to a robot on ROS topics: valve commands go out, pressures and angles come in.
+
+The driver must be active, and no controller may run. A loop sends the latest commands in every
+period; where nobody asks for more, because numbers are identified meanwhile, it sends the commands
+that vent. The muscles of other joints are vented all the time.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any, Final
+
+import rclpy
+from rclpy.experimental import EventsExecutor
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState
+
+from pam_demo.commission.robot_port import Reading
+from pam_model.errors import PamError
+from pam_model.rig import Rig
+from pam_ros.node_end import end_node
+from pam_ros.periodic import PeriodicLoop
+from pam_ros.start import start_ros
+from pam_ros.steady_timers import turns
+from pam_ros.subscriptions import subscribe
+from pam_ros.unforeseen import hand_over, raise_handed_over
+from pam_ros.valve_command import ValveCommandFormat
+
+MEASUREMENT_DELAY, COMMAND_DELAY = 0.001, 0.003  # s, the defaults of the controller's node
+MAX_AGE: Final = 0.1  # s, of a measurement
+IDLE: Final = 10.0  # periods without new commands, after which the muscles are vented
+FIRST: Final = 10.0  # s, for the first measurements
+_SENSED = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+
+class RosPortNode(Node):  # type: ignore[misc]
+    """Publishes commands and keeps the latest measurements of one joint.
+
+    Parameters
+    ----------
+    rig : Rig
+        The whole robot.
+    joint : str
+        Name of the joint.
+    period : float
+        Of the commands [s].
+    namespace : str
+        Of the robot's nodes.
+    """
+
+    def __init__(self, rig: Rig, joint: str, period: float, namespace: str = "") -> None:
+        super().__init__("pam_commission", namespace=namespace)
+        self.period = period
+        self.measurement_delay, self.command_delay = MEASUREMENT_DELAY, COMMAND_DELAY + period
+        self._joint, self._muscles = joint, rig.joint(joint).muscles
+        self._names = list(rig.muscle_names)
+        self._format = ValveCommandFormat(rig.valve_kinds)
+        self._vented = list(self._format.vented)
+        self._commands = list(self._vented)
+        self._position, self._position_at = math.nan, -math.inf
+        self._pressures: dict[str, float] = {}
+        self._pressures_at = -math.inf
+        self._turn = threading.Condition()
+        self._turns = self._asked = 0
+        self._publisher = self.create_publisher(JointState, "valve_commands", QoSProfile(depth=1))
+        subscribe(self, JointState, "joint_states", self._take_positions, _SENSED)
+        subscribe(self, JointState, "pressure_states", self._take_pressures, _SENSED)
+        self.loop = PeriodicLoop(self._send, period, "commission")
+
+    def _take_positions(self, message: Any) -> None:
+        positions = dict(zip(message.name, message.position, strict=False))
+        if self._joint in positions:
+            self._position, self._position_at = float(positions[self._joint]), time.monotonic()
+
+    def _take_pressures(self, message: Any) -> None:
+        self._pressures = dict(zip(message.name, message.effort, strict=False))
+        self._pressures_at = time.monotonic()
+
+    def _send(self, _: float) -> None:
+        with self._turn:
+            self._turns += 1
+            idle = self._turns - self._asked > IDLE
+            commands = self._vented if idle else self._commands
+            self._turn.notify_all()
+        message = JointState(name=self._names)
+        message.position, message.effort = self._format.pack(commands)
+        message.header.stamp = self.get_clock().now().to_msg()
+        self._publisher.publish(message)
+
+    def _reading(self) -> Reading:
+        now = time.monotonic()
+        fresh = now - min(self._position_at, self._pressures_at) < MAX_AGE
+        pressures = [self._pressures.get(name, math.nan) for name in self._muscles]
+        if not fresh:
+            return Reading(now, math.nan, (math.nan, math.nan))
+        return Reading(now, self._position, (float(pressures[0]), float(pressures[1])))
+
+    def advance(self, commands: Sequence[float]) -> Reading:
+        """As of every `RobotPort`: sends the commands in the next turn of the loop.
+
+        Raises
+        ------
+        PamError
+            When the loop has ended, or a callback failed.
+        """
+        whole = list(self._vented)
+        for muscle, value in zip(self._muscles, commands, strict=True):
+            whole[self._names.index(muscle)] = float(value)
+        with self._turn:
+            self._commands = whole
+            before = self._asked = self._turns
+            if not self._turn.wait_for(lambda: self._turns > before, timeout=1.0):
+                self.loop.check()
+                raise PamError("the loop of the commissioning stands still")
+        raise_handed_over()
+        return self._reading()
+
+    def wait_for_measurements(self) -> None:
+        """Wait until pressures and angle arrive.
+
+        Raises
+        ------
+        PamError
+            If they do not.
+        """
+        deadline = time.monotonic() + FIRST
+        while True:
+            reading = self.advance([self._vented[self._names.index(m)] for m in self._muscles])
+            if all(map(math.isfinite, (reading.position, *reading.pressures))):
+                return
+            if time.monotonic() > deadline:
+                raise PamError(
+                    f"no measurements of {self._joint} on joint_states and pressure_states within "
+                    f"{FIRST:g} s; is the driver active?"
+                )
+
+
+@contextmanager
+def open_ros_port(
+    rig: Rig, joint: str, period: float, namespace: str = ""
+) -> Iterator[RosPortNode]:
+    """A port to the robot in the ROS domain of this terminal; at its end the muscles are vented.
+
+    Parameters
+    ----------
+    rig : Rig
+        The whole robot.
+    joint : str
+        Name of the joint.
+    period : float
+        Of the commands [s].
+    namespace : str
+        Of the robot's nodes.
+
+    Raises
+    ------
+    PamError
+        If no measurements arrive.
+    """
+    start_ros([])
+    node = RosPortNode(rig, joint, period, namespace)
+    executor = EventsExecutor()
+    executor.add_node(node)
+    going_on = True
+
+    def spin() -> None:
+        try:
+            for _ in turns(executor, None, lambda: going_on):
+                pass
+        except Exception as error:  # the thread that plays raises it
+            hand_over(error)
+
+    spinning = threading.Thread(target=spin, name="spin", daemon=True)
+    spinning.start()
+    node.loop.start()
+    try:
+        node.wait_for_measurements()
+        yield node
+    finally:
+        time.sleep(2.0 * IDLE * period)  # the loop sends what vents
+        node.loop.stop()
+        going_on = False
+        spinning.join(2.0)
+        end_node(node, executor)
+        rclpy.try_shutdown()

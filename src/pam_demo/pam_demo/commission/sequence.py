@@ -1,0 +1,344 @@
+"""The sequence of a commissioning: check, move, identify, go on, until the joint tracks.
+
+Every step is shown and may be refused. Whatever does not fit ends the sequence: a finding of the
+start-up check, exchanged signs or hoses, a motion that leaves the limits or what was foreseen for
+the least favourable robot, and motions that no numbers of a rig explain. Recordings are kept as
+they are made, so that an interrupted commissioning goes on after the last one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Final
+
+import pandas as pd
+
+from pam_control.references.trajectory import TrajectoryPoint
+from pam_demo.commission.kept import Kept
+from pam_demo.commission.knowledge import (
+    Known,
+    as_written,
+    easily_turned,
+    narrowed,
+    reaching_limits,
+)
+from pam_demo.commission.least_favourable import Permitted, least_favourable, permitted
+from pam_demo.commission.motion_loop import scale_of
+from pam_demo.commission.motions import Motion, Scale, filling, staircase, steps
+from pam_demo.commission.play import play, start_up_check, touch
+from pam_demo.commission.robot_port import RobotPort
+from pam_demo.commission.simulated_port import SimulatedPort
+from pam_demo.commission.tracking import (
+    Tracked,
+    controller_for,
+    designed_gains,
+    not_possible,
+    reaches,
+    track,
+)
+from pam_demo.commission.watch import Limits
+from pam_gap.calibration.calibration import Calibration, calibrate_joint
+from pam_gap.calibration.calibration_rules import CalibrationRules
+from pam_gap.calibration.free_numbers import Said
+from pam_gap.recordings.recording import Recording, from_columns, resample
+from pam_model.errors import PamError
+from pam_model.rig import Rig
+from pam_model.rig.partial import PartialRig
+
+Tell = Callable[[str], None]
+Ask = Callable[[str], bool]
+FILLING, WITHHELD = "filling", "withheld"
+COARSE: Final = 2.0
+"""Sample time of the recordings between two motions, over the period of the port."""
+QUICK: Final = CalibrationRules(rounds=1, last_steps=6, kept_steps=2)
+"""For the numbers between two motions; the last identification takes all its steps."""
+FULL: Final = CalibrationRules()
+FORESEEN_SPEED: Final = 1.5
+"""A joint that is faster than foreseen for the least favourable robot, by this factor, does not
+fit."""
+LEAST_SHARE: Final = 0.1
+WAY_TIME: Final = (0.6, 0.8, 1.1, 1.5, 2.0, 3.0)
+"""Durations of a way as long as the reach that the tracking test tries, the fastest first [s]."""
+TRACKING_SHARES: Final = (0.9, 0.6, 0.9)
+"""Shares of the limits that a foreseen tracking test may use: pressure, speed, distance."""
+
+
+@dataclass(slots=True)
+class Step:
+    """One motion of the sequence, as it was played.
+
+    Attributes
+    ----------
+    motion : str
+        Its name.
+    title : str
+        What it was.
+    share : float
+        Of the motion as it was asked for [-].
+    foreseen, most : tuple of three floats
+        Use of the limits by the least favourable robot, and as it was measured [-]: pressure,
+        speed, distance from the middle of the range.
+    """
+
+    motion: str
+    title: str
+    share: float
+    foreseen: tuple[float, float, float]
+    most: tuple[float, float, float]
+
+
+@dataclass(slots=True)
+class Commissioned:
+    """What a commissioning has found.
+
+    Attributes
+    ----------
+    rig : Rig or None
+        The identified rig of the joint; None if the sequence was ended.
+    ended : str
+        Why it was ended; empty if it was not.
+    steps : list of Step
+        The motions.
+    calibration : Calibration or None
+        The last identification.
+    points : sequence of TrajectoryPoint
+        The motion of the tracking test.
+    before, after : Tracked or None
+        The tracking test with the numbers as written and as identified.
+    gains : list of dict
+        Designed gains by stiffness [N m/rad].
+    seconds : float
+        Time of the recordings [s].
+    """
+
+    rig: Rig | None = None
+    ended: str = ""
+    steps: list[Step] = field(default_factory=list)
+    calibration: Calibration | None = None
+    points: Sequence[TrajectoryPoint] = ()
+    before: Tracked | None = None
+    after: Tracked | None = None
+    gains: list[dict[str, float]] = field(default_factory=list)
+    seconds: float = 0.0
+
+
+class EndedError(PamError):
+    """Why the sequence ends."""
+
+
+@dataclass(slots=True)
+class Commissioning:
+    """One joint, from a rough rig file to tracking.
+
+    Attributes
+    ----------
+    port : RobotPort
+        The robot, vented.
+    partial : PartialRig
+        Its rig file, with this joint alone.
+    said : Said
+        How far plain numbers may be off.
+    kept : Kept
+        Where recordings and results are kept.
+    tell : callable
+        Shows a line.
+    ask : callable
+        Whether the next step may be done; it gets the step in words.
+    threads : int
+        Simulations at once.
+    """
+
+    port: RobotPort
+    partial: PartialRig
+    said: Said
+    kept: Kept
+    tell: Tell
+    ask: Ask
+    threads: int = 1
+    result: Commissioned = field(default_factory=Commissioned)
+
+    def run(self) -> Commissioned:
+        """Go through the sequence."""
+        result = self.result
+        try:
+            rig, known = self.check()
+            seen: dict[str, pd.DataFrame] = {}
+            for names, rules in ((("filling", "staircase"), QUICK), (("steps",), QUICK),
+                                 (("fast", "withheld"), FULL)):  # fmt: skip
+                seen |= self._motions(names, rig, known)
+                self._identify(seen, rules)
+                assert result.calibration is not None
+                if result.calibration.rig is not None:
+                    rig = result.calibration.rig
+                    known = narrowed(known, result.calibration.numbers)
+            result.rig = rig
+            self._track()
+        except EndedError as error:
+            result.ended = str(error)
+            result.rig = None
+            self.tell(f"ended: {error}")
+        result.seconds = self.kept.seconds
+        return result
+
+    def _allowed(self, what: str) -> None:
+        if not self.ask(what):
+            raise EndedError(f"not allowed: {what}")
+
+    def check(self) -> tuple[Rig, tuple[Known, ...]]:
+        """Check valves, hoses and sensors; returns the rig to begin with, and what is known of it.
+
+        Raises
+        ------
+        EndedError
+            If something is at the wrong place, or the check is not allowed.
+        """
+        rig = reaching_limits(self.partial.rig, as_written(self.partial, self.said, FULL))
+        known = as_written(replace(self.partial, rig=rig), self.said, FULL)
+        if self.kept.checked:
+            self.tell("start-up check: passed before")
+            return rig, known
+        self._allowed("open each valve for a moment, and give each muscle a small test pulse")
+        reason = touch(self.port, rig)
+        if reason:
+            raise EndedError(reason)
+        findings = start_up_check(self.port, easily_turned(rig, known, self.said))
+        if findings:
+            raise EndedError(" ".join(f"Start-up check: {one}." for one in findings))
+        self.tell("start-up check: valves, hoses, sensors and encoder belong together")
+        self.kept.check()
+        return rig, known
+
+    def _made(self, name: str, scale: Scale) -> Motion:
+        return {
+            "filling": lambda: filling(scale),
+            "staircase": lambda: staircase(scale),
+            "steps": lambda: steps(scale, "steps", 0.5, 20.0, 1),
+            "fast": lambda: steps(scale, "fast", 1.0, 30.0, 2),
+            "withheld": lambda: steps(scale, "withheld", 0.8, 15.0, 3),
+        }[name]()
+
+    def _motions(
+        self, names: Sequence[str], rig: Rig, known: Sequence[Known]
+    ) -> dict[str, pd.DataFrame]:
+        """Play what has not been played yet, as large as the least favourable robot permits."""
+        scale, limits = scale_of(rig, self.port.period), Limits.of(rig)
+        found: dict[str, pd.DataFrame] = {}
+        robots: Sequence[Mapping[str, float]] | None = None
+        for name in names:
+            table = self.kept.recording(name)
+            if table is None:
+                motion = self._made(name, scale)
+                if robots is None:
+                    judged = self._made(names[-1] if name == FILLING else name, scale)
+                    robots = least_favourable(rig, known, judged, scale, limits)
+                allowed = permitted(rig, robots, motion, scale, limits)
+                table = self._play(motion, allowed, rig, scale, limits)
+            else:
+                self.tell(f"{name}: recorded before")
+            if name != FILLING:  # it shows little of any number
+                found[name] = table
+        return found
+
+    def _play(
+        self, motion: Motion, allowed: Permitted, rig: Rig, scale: Scale, limits: Limits
+    ) -> pd.DataFrame:
+        worst = allowed.worst
+        if allowed.share < LEAST_SHARE:
+            raise EndedError(
+                f"{motion.name}: too little is known of this robot. On the least favourable one "
+                f"that the numbers permit, even a small motion would use {worst.pressure:.0%} of "
+                f"the pressure, {worst.speed:.0%} of the speed and {worst.distance:.0%} of the "
+                "range. State numbers more narrowly."
+            )
+        self._allowed(
+            f"{motion.title} ({motion.duration:.0f} s, {allowed.share:.0%} of the usual size; the "
+            f"least favourable robot would use {worst.speed:.0%} of the permitted speed)"
+        )
+        # the watch ends what the least favourable robot would not do
+        fits = max(FORESEEN_SPEED * worst.speed, 0.2)
+        watched = replace(limits, speed=min(limits.speed, fits * limits.speed))
+        gentle = motion.smaller(allowed.share).gentler(allowed.pace)
+        played = play(self.port, rig, gentle, scale, watched)
+        pressure, speed, place = played.most
+        most = (pressure, speed * watched.speed / limits.speed, place)
+        expected = (worst.pressure, worst.speed, worst.distance)
+        self.result.steps.append(Step(motion.name, motion.title, allowed.share, expected, most))
+        if played.stopped:
+            self.kept.failed(motion.name, played.table)
+            raise EndedError(f"{motion.name}: {played.stopped}; the air was let out slowly.")
+        self.kept.add(motion.name, played.table)
+        self.tell(f"{motion.name}: {most[1]:.0%} of the permitted speed, {most[0]:.0%} of the "
+                  "permitted pressure")  # fmt: skip
+        return played.table
+
+    def _identify(self, seen: Mapping[str, pd.DataFrame], rules: CalibrationRules) -> None:
+        step = None if rules is FULL else COARSE * self.port.period
+        read = {name: as_recording(table, name, step) for name, table in seen.items()}
+        withheld = [read.pop(WITHHELD)] if WITHHELD in read else []
+        fitted = list(read.values())
+        found = calibrate_joint(
+            self.partial, 0, fitted, withheld, said=self.said, rules=rules, threads=self.threads
+        )
+        self.result.calibration = found
+        if found.wiring:
+            raise EndedError(" ".join(found.wiring))
+        if found.refused and (rules is FULL or found.numbers):
+            raise EndedError(" ".join(found.refused))
+        if found.refused:
+            self.tell(f"nothing identified yet: {' '.join(found.refused)}")
+
+    def _track(self) -> None:
+        """The tracking test with the identified rig, and with the rig file as it was."""
+        result, port = self.result, self.port
+        assert result.rig is not None
+        scale, limits = scale_of(result.rig, port.period), Limits.of(result.rig)
+        try:
+            controller = controller_for(port, result.rig)
+        except PamError as error:
+            result.after = not_possible(error)
+            raise EndedError(f"no safe controller for the identified numbers: {error}") from None
+        result.gains = designed_gains(controller)
+        for time in WAY_TIME:
+            points = reaches(scale.middle, scale.reach, time)
+            model = track(SimulatedPort(result.rig, port.period), controller, points, limits)
+            if _permitted(model):
+                break
+        else:
+            raise EndedError("no tracking test is within the limits of the identified robot")
+        result.points = points
+        self._allowed("follow a motion with the identified rig file")
+        result.after = track(port, controller, points, limits)
+        self.kept.track("after", result.after.table)
+        self.tell(f"tracking error: {1e3 * result.after.rms:.2f} mrad RMS")
+        result.before = self._before(points, limits)
+        self.kept.track("before", result.before.table)
+        if result.after.stopped:
+            raise EndedError(f"tracking test: {result.after.stopped}")
+
+    def _before(self, points: Sequence[TrajectoryPoint], limits: Limits) -> Tracked:
+        """The same test with the rough rig file, on the robot only if the model survives it."""
+        try:
+            controller = controller_for(self.port, self.partial.rig)
+        except PamError as error:
+            return not_possible(error)
+        assert self.result.rig is not None
+        model = track(SimulatedPort(self.result.rig, self.port.period), controller, points, limits)
+        if not _permitted(model):
+            reason = model.stopped or "too near to the limits"
+            return replace(model, stopped=f"only simulated, on the identified robot: {reason}")
+        self._allowed("follow the same motion with the rig file as it was")
+        return track(self.port, controller, points, limits)
+
+
+def _permitted(tracked: Tracked) -> bool:
+    return not tracked.stopped and all(
+        share <= most for share, most in zip(tracked.most, TRACKING_SHARES, strict=True)
+    )
+
+
+def as_recording(table: pd.DataFrame, name: str, step: float | None = None) -> Recording:
+    """A recording as the import of a table makes it, at its own sample time or another one [s]."""
+    columns = {c: table[c].to_numpy(dtype=float) for c in table.columns if c != "time"}
+    return resample(from_columns(Path(name), table["time"].to_numpy(dtype=float), columns), step)

@@ -1,0 +1,270 @@
+"""A commissioning moves only what is wired rightly, within the limits, and as far as is known."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pam_demo.commission.knowledge import Known, as_written, easily_turned, narrowed
+from pam_demo.commission.least_favourable import (
+    PLANNED,
+    Foreseen,
+    design,
+    foreseen,
+    least_favourable,
+    permitted,
+)
+from pam_demo.commission.motion_loop import NEARLY_EMPTY, scale_of
+from pam_demo.commission.motions import filling, staircase, steps
+from pam_demo.commission.play import play, start_up_check, touch
+from pam_demo.commission.robot_port import Reading
+from pam_demo.commission.watch import Limits, Seen, watched
+from pam_gap.calibration.calibration import DETERMINED, KEPT, CalibratedNumber
+from pam_gap.calibration.calibration_rules import CalibrationRules
+from pam_gap.calibration.free_numbers import Said
+from pam_model.rig import Rig, load_rig
+from pam_model.rig.partial import PartialRig
+from support.commission_ports import EXCHANGES, PERIOD, WiredPort
+
+ROOT = Path(__file__).parents[2]
+SAID = Said(1.0 / 3.0, 0.05)
+LIMITS = Limits((6e5, 5e5), 6.0, -1.0, 1.0)
+
+
+@pytest.fixture(scope="module")
+def elbow() -> Rig:
+    return load_rig(ROOT / "config" / "elbow.yaml")
+
+
+@pytest.fixture(scope="module")
+def known(elbow: Rig) -> tuple[Known, ...]:
+    return as_written(PartialRig(elbow, {}, frozenset()), SAID, CalibrationRules())
+
+
+# --- the watch ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("reading", "word"),
+    [
+        (Reading(1.0, math.nan, (1e5, 1e5)), "missing"),
+        (Reading(1.0, 0.0, (1e5, math.nan)), "missing"),
+        (Reading(1.0, 0.0, (1e5, 4.9e5)), "Pa"),
+        (Reading(1.0, 0.2, (1e5, 1e5)), "rad/s"),
+        (Reading(1.0, 0.97, (1e5, 1e5)), "end of its range"),
+        (Reading(1.0, -0.97, (1e5, 1e5)), "end of its range"),
+    ],
+)
+def test_what_leaves_the_limits_or_is_missing_ends_a_motion(reading: Reading, word: str) -> None:
+    outward = math.copysign(0.01, reading.position) if abs(reading.position) > 0.5 else 0.0
+    before = Seen(0.996, reading.position - outward, 0.0)
+    if word == "rad/s":
+        before = Seen(0.996, 0.0, 5.0)
+    assert word in watched(before, reading, LIMITS)[1]
+
+
+def test_a_joint_at_rest_within_its_limits_goes_on() -> None:
+    seen = Seen()
+    for k in range(10):
+        seen, reason = watched(seen, Reading(0.004 * k, 0.3, (1e5, 2e5)), LIMITS)
+        assert not reason
+    hanging = Seen(0.0, 0.99, 0.0)
+    assert not watched(hanging, Reading(0.004, 0.99, (0.0, 0.0)), LIMITS)[1]
+
+
+# --- wiring ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("exchanged", EXCHANGES)
+def test_every_exchange_is_told_before_anything_moves_far(elbow: Rig, exchanged: str) -> None:
+    port = WiredPort(elbow, exchanged)
+    reason = touch(port, elbow)
+    findings = () if reason else start_up_check(port, elbow)
+    assert reason or findings
+    assert max(max(one.pressures) for one in port.truth) < 0.15 * elbow.muscles[0].max_pressure
+    assert max(abs(one.position - port.truth[0].position) for one in port.truth) < 0.2
+    if exchanged in EXCHANGES[2:]:
+        assert "sign of its command is reversed" in reason
+        assert max(max(one.pressures) for one in port.truth) < 2e4
+
+
+def test_a_rightly_wired_robot_passes(elbow: Rig) -> None:
+    port = WiredPort(elbow)
+    assert touch(port, elbow) == ""
+    assert start_up_check(port, elbow) == ()
+
+
+@pytest.mark.parametrize("heavier", [1.0, 2.0, 3.0, 4.0, 6.0])
+def test_a_free_joint_that_is_lighter_than_its_file_says_passes(elbow: Rig, heavier: float) -> None:
+    """The driver's check with the file as it is takes such a joint for a wrong one."""
+    joint = elbow.joints[0]
+    written = elbow.with_joint(
+        replace(joint, gravity_torque=0.0, inertia=heavier * joint.inertia, viscous_friction=0.05)
+    )
+    true = written.with_joint(replace(written.joints[0], inertia=0.7 * heavier * joint.inertia))
+    for muscle in true.muscles:
+        true = true.with_muscle(
+            replace(muscle, turns=0.95 * muscle.turns, neutral_length=1.03 * muscle.neutral_length)
+        )
+    known = as_written(PartialRig(written, {}, frozenset()), SAID, CalibrationRules())
+    assert start_up_check(WiredPort(true), easily_turned(written, known, SAID)) == ()
+
+
+def test_a_robot_that_is_not_empty_is_not_touched(elbow: Rig) -> None:
+    port = WiredPort(elbow)
+    for _ in range(100):
+        port.advance((0.5, 0.5))
+    sent = len(port.truth)
+    assert "vent the robot first" in touch(port, elbow)
+    assert len(port.truth) == sent + 1
+
+
+# --- what is known, and what may be played --------------------------------------------------------
+
+
+def test_intervals_are_those_of_the_file_then_those_of_the_motions(elbow: Rig) -> None:
+    partial = PartialRig(
+        elbow,
+        {"elbow.inertia": (0.02, 0.1)},
+        frozenset({"elbow.viscous_friction"}),
+    )
+    before = as_written(partial, SAID, CalibrationRules())
+    by_key = {one.key: one for one in before}
+    assert (by_key["elbow.inertia"].low, by_key["elbow.inertia"].high) == (0.02, 0.1)
+    friction = by_key["elbow.viscous_friction"]
+    assert friction.high / friction.low == pytest.approx(16.0)
+    radius = by_key["elbow.pulley_radius"]
+    assert radius.high / radius.value == pytest.approx(1.0 / 0.95)
+    found = [
+        CalibratedNumber("elbow.inertia", "kg m^2", "body", 0.05, 0.04, 0.03, 0.05, DETERMINED,
+                         (0.039, 0.041)),
+        CalibratedNumber("elbow.viscous_friction", "N m s/rad", "body", 0.05, 0.9, 0.8, 1.0, KEPT),
+        CalibratedNumber("elbow.pulley_radius", "m", "statics", 0.03, 0.031, 0.029, 0.033,
+                         DETERMINED),
+    ]  # fmt: skip
+    after = {one.key: one for one in narrowed(before, found)}
+    assert (after["elbow.inertia"].low, after["elbow.inertia"].high) == (0.039, 0.041)
+    assert after["elbow.viscous_friction"] == friction
+    assert after["elbow.pulley_radius"].low == after["elbow.pulley_radius"].high == 0.031
+
+
+def test_in_the_design_every_number_is_at_both_ends_equally_often_and_independently(
+    known: tuple[Known, ...],
+) -> None:
+    robots = design(known)[:-1]
+    signs = np.array([[np.sign(r[one.name] - one.value) for one in known] for r in robots])
+    assert np.all(signs.sum(axis=0) == 0)
+    assert np.allclose(signs.T @ signs, len(robots) * np.eye(len(known)))
+
+
+@pytest.fixture(scope="module")
+def worst(elbow: Rig, known: tuple[Known, ...]) -> tuple[dict[str, float], ...]:
+    scale = scale_of(elbow, 0.016)
+    robots = least_favourable(elbow, known, steps(scale, "s", 1.0, 4.0, 1), scale, Limits.of(elbow))
+    return tuple(dict(robot) for robot in robots)
+
+
+def test_the_least_favourable_robot_is_worse_than_robots_in_between(
+    elbow: Rig, known: tuple[Known, ...], worst: tuple[dict[str, float], ...]
+) -> None:
+    scale, limits = scale_of(elbow, 0.016), Limits.of(elbow)
+    motion = steps(scale, "s", 1.0, 4.0, 1)
+    most = np.max([foreseen(elbow, robot, motion, scale, limits, 0.016).all for robot in worst], 0)
+    random = np.random.default_rng(5)
+    for _ in range(12):
+        robot = {one.name: float(random.uniform(one.low, one.high)) for one in known}
+        found = foreseen(elbow, robot, motion, scale, limits, 0.016).all
+        assert np.all(found <= 1.02 * most), (found, most)
+
+
+def test_a_motion_is_made_smaller_until_the_least_favourable_robot_may_play_it(elbow: Rig) -> None:
+    scale, limits = scale_of(elbow, PERIOD), Limits.of(elbow)
+    motion = staircase(scale)
+
+    def proportional(*given: object, **_: object) -> Foreseen:
+        played = given[2]
+        size = np.max(np.abs(played.position - scale.middle)) / scale.reach  # type: ignore[attr-defined]
+        return Foreseen(0.5, 2.0 * PLANNED[1] * float(size) / 0.6, 0.5)
+
+    allowed = permitted(elbow, [{}], motion, scale, limits, proportional)
+    assert allowed.share == 0.45
+    assert allowed.worst.is_permitted
+    slow = permitted(
+        elbow, [{}], motion, scale, limits,
+        lambda *given: Foreseen(0.5, 0.6 * given[2].bandwidth / motion.bandwidth, 0.5),
+    )  # fmt: skip
+    assert (slow.share, slow.pace) == (1.0, 0.5)
+    none = permitted(elbow, [{}], motion, scale, limits, lambda *_: Foreseen(2.0, 0.1, 0.1))
+    assert none.share == 0.0
+
+
+def test_a_motion_keeps_a_wrongly_described_joint_at_its_reference(elbow: Rig) -> None:
+    """Lengths that are off by 5 % would turn the joint by half a radian at equal pressures."""
+    flexor = elbow.muscle("elbow_flexor")
+    true = elbow.with_muscle(
+        replace(flexor, turns=1.05 * flexor.turns, thread_length=0.97 * flexor.thread_length)
+    )
+    scale, limits = scale_of(elbow, PERIOD), Limits.of(elbow)
+    played = play(WiredPort(true), elbow, staircase(scale), scale, limits)
+    assert not played.stopped
+    position = played.table["joint_states.elbow.position"].to_numpy()
+    wanted = staircase(scale).position
+    ends = np.arange(1490, 5400, 500)  # shortly before the next stair
+    assert np.abs(position[1 : wanted.size + 1][ends] - wanted[ends]).max() < 0.12
+    pressures = played.table[["pressure_states.elbow_flexor", "pressure_states.elbow_extensor"]]
+    assert pressures.iloc[-1].max() < 1e4
+
+
+def test_a_motion_that_is_ended_lets_the_air_out_slowly(elbow: Rig) -> None:
+    scale = scale_of(elbow, PERIOD)
+    port = WiredPort(elbow)
+    tight = replace(Limits.of(elbow), pressures=(0.08 * scale.highest,) * 2)
+    played = play(port, elbow, filling(scale), scale, tight)
+    assert "Pa" in played.stopped
+    highest = np.array([max(one.pressures) for one in port.truth])
+    end = int(np.argmax(highest))
+    assert highest[end] < 0.09 * scale.highest
+    assert highest[end + 250] > 0.5 * highest[end]  # 1 s later, of 3 s
+    assert highest[-1] < 2e3
+
+
+def test_in_a_lowering_the_muscle_with_the_faster_valve_waits_for_the_other_one(elbow: Rig) -> None:
+    """Otherwise a joint that gravity does not hold would turn to its end."""
+    free = elbow.with_joint(replace(elbow.joints[0], gravity_torque=0.0))
+    slow = free.muscle("elbow_flexor")
+    valve = replace(slow.valve, sonic_conductance=0.3 * slow.valve.sonic_conductance)
+    true = free.with_muscle(replace(slow, valve=valve, dead_volume=2.0 * slow.dead_volume))
+    scale, limits = scale_of(free, PERIOD), Limits.of(free)
+    port = WiredPort(true)
+    played = play(port, free, filling(scale), scale, limits)
+    assert not played.stopped
+    position = np.array([one.position for one in port.truth])
+    pressures = np.array([one.pressures for one in port.truth])
+    full = pressures.max(axis=1) > NEARLY_EMPTY
+    assert np.abs(position[full]).max() < 0.35
+    assert pressures[-1].max() < NEARLY_EMPTY
+
+
+def test_at_a_signal_the_air_is_let_out_slowly(elbow: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    scale = scale_of(elbow, PERIOD)
+    port = WiredPort(elbow)
+    advance = port.advance
+
+    def interrupted(commands: Sequence[float]) -> Reading:
+        reading = advance(commands)
+        if len(port.truth) == 1200:
+            raise KeyboardInterrupt
+        return reading
+
+    monkeypatch.setattr(port, "advance", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        play(port, elbow, filling(scale), scale, Limits.of(elbow))
+    highest = [max(one.pressures) for one in port.truth]
+    assert highest[1200] > 5e4
+    assert highest[1325] > 0.5 * highest[1200]  # half a second later
+    assert highest[-1] < NEARLY_EMPTY
