@@ -8,14 +8,13 @@ from pam_control.adaptation.averaged_fit import AveragedFit, Rival
 from pam_control.adaptation.motion_functions import (
     DEVIATIONS,
     N_ELEMENTS,
-    N_MEMORY,
     begin_memory,
     element,
     move_memory,
 )
 from pam_control.adaptation.recursive_fit import CORRELATED
 from pam_control.adaptation.torque_adaptation import DELAY, RIVALS, SLIPS, TorqueAdaptation
-from pam_control.laws.plan_rows import N_LEARNING, N_PLAN
+from pam_control.rows.plan_rows import N_LEARNING, N_MEMORY, N_PLAN
 
 NOISE = 0.05
 

@@ -268,3 +268,21 @@ def test_at_a_signal_the_air_is_let_out_slowly(elbow: Rig, monkeypatch: pytest.M
     assert highest[1200] > 5e4
     assert highest[1325] > 0.5 * highest[1200]  # half a second later
     assert highest[-1] < NEARLY_EMPTY
+
+
+def test_a_first_measurement_that_is_old_is_waited_for(
+    elbow: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scale, port = scale_of(elbow, PERIOD), WiredPort(elbow)
+    advance = port.advance
+
+    def late(commands: Sequence[float]) -> Reading:
+        reading = advance(commands)
+        return reading._replace(position=math.nan) if len(port.truth) < 100 else reading
+
+    monkeypatch.setattr(port, "advance", late)
+    assert not play(port, elbow, filling(scale), scale, Limits.of(elbow)).stopped
+    monkeypatch.setattr(
+        port, "advance", lambda commands: advance(commands)._replace(position=math.nan)
+    )
+    assert "missing" in play(port, elbow, filling(scale), scale, Limits.of(elbow)).stopped

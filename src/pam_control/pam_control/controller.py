@@ -17,13 +17,13 @@ from collections.abc import Sequence
 from typing import Final
 
 from pam_control.adaptation.torque_adaptation import LONGEST_DELAY
-from pam_control.control_cycle import ControlCycle
 from pam_control.control_step import (
     ControlOutput,
     JointTelemetry,
     Measurement,
     missing_measurement,
 )
+from pam_control.cycle.control_cycle import ControlCycle
 from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.feedback.supply_reservoir import SupplyReservoir
 from pam_control.joint_models import JointModels, Pair
@@ -104,9 +104,7 @@ class Controller:
         stiffnesses = self._default_stiffness(settings)
         self._limits = ReferenceLimits(rig, self.robot, self._models, stiffnesses)
         setups = joint_setups(self._models, self.prepared, self.prepared.normal)
-        self._cycle = ControlCycle(
-            self.robot, self._models, self.reservoir, law, setups, self.references
-        )
+        self._cycle = ControlCycle(self._models, self.reservoir, law, setups, self.references)
         self.channels = self._cycle.channels
         self.correction = SensorCorrection(self.robot)
         self.active = False

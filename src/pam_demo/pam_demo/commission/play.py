@@ -28,6 +28,7 @@ from pam_ros.valve_command import FLOW, PRESSURE_REGULATOR, ValveCommandFormat
 EMPTY: Final = 1.0  # s, of venting at the end of a motion
 TOUCH: Final = 0.4  # s, in which a valve is opened a little towards its exhaust
 TOUCH_OPENING: Final = 0.3  # of full opening, at its end
+WAKING: Final = 2.0  # s
 RISEN: Final = 3e3  # Pa, that a muscle must not rise while all vent
 LONGEST_CHECK: Final = 120.0  # s
 
@@ -82,6 +83,19 @@ def vented(rig: Rig) -> tuple[float, float]:
     return first, second
 
 
+def first_reading(port: RobotPort, commands: Sequence[float]) -> Reading:
+    """A reading that is known, if there is one within `WAKING`.
+
+    While numbers are identified the process has other work, and its first measurement may be old.
+    """
+    reading = port.advance(commands)
+    for _ in range(round(WAKING / port.period)):
+        if all(map(math.isfinite, (reading.position, *reading.pressures))):
+            break
+        reading = port.advance(commands)
+    return reading
+
+
 def touch(port: RobotPort, rig: Rig) -> str:
     """Open each flow valve a little towards its exhaust; why it does not vent, or empty.
 
@@ -91,7 +105,7 @@ def touch(port: RobotPort, rig: Rig) -> str:
     joint = rig.joints[0]
     kinds = [rig.muscle(name).valve.kind for name in joint.muscles]
     shut = [0.0, 0.0]
-    rest = port.advance(shut)
+    rest = first_reading(port, shut)
     if not all(map(math.isfinite, (rest.position, *rest.pressures))):
         return "The angle or a pressure is missing or too old."
     full = [n for n, p in zip(joint.muscles, rest.pressures, strict=True) if p > NOT_EMPTY]
@@ -130,7 +144,7 @@ def start_up_check(port: RobotPort, rig: Rig) -> tuple[str, ...]:
     ]
     fractions = [c / (s or 1.0) for c, s in zip(commands, scales, strict=True)]
     check = StartUpCheck(robot, fractions)
-    reading = port.advance(commands)
+    reading = first_reading(port, commands)
     begin = reading.time
     check.start(begin)
     while not check.finished:
@@ -179,7 +193,7 @@ def play(port: RobotPort, rig: Rig, motion: Motion, scale: Scale, limits: Limits
     """
     loop, log = MotionLoop(rig, motion, scale), Log(rig)
     commands = vented(rig)
-    reading = port.advance(commands)
+    reading = first_reading(port, commands)
     log.add(reading, commands)
     state, seen, stopped = loop.init(reading.position), Seen(), ""
     most = np.zeros(3)

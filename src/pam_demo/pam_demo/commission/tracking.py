@@ -19,7 +19,7 @@ from pam_control.controller import Controller
 from pam_control.lowering import LoweringPhase
 from pam_control.references.trajectory import CommandError, TrajectoryPoint
 from pam_control.settings import ControlSettings
-from pam_demo.commission.play import EMPTY, Log, lower, rest, vented
+from pam_demo.commission.play import EMPTY, Log, first_reading, lower, rest, vented
 from pam_demo.commission.robot_port import Reading, RobotPort
 from pam_demo.commission.watch import Limits, Seen, watched
 from pam_model.errors import PamError
@@ -145,7 +145,7 @@ def track(
     log = Log(rig)
     rows: list[tuple[float, float, float]] = []
     seen, stopped, most = Seen(), "", np.zeros(3)
-    reading = port.advance(vented(rig))
+    reading = first_reading(port, vented(rig))
     where = float(points[-1].positions[0])
     way = [TrajectoryPoint(APPROACH, [where], [0.0], [0.0])]
     begin = reading.time + SETTLE + APPROACH + REST
