@@ -106,6 +106,12 @@ def _errors(
     return errors[begin:]
 
 
+def _swinging(hertz: float) -> Callable[[float], float]:
+    """An outside torque that swings with a frequency."""
+    omega = 2.0 * math.pi * hertz
+    return lambda time: SWING * math.sin(omega * time)
+
+
 def amplitude(errors: Array, hertz: float) -> float:
     """Of the part of a signal that has a frequency, in its unit."""
     phases = 2.0 * math.pi * hertz * PERIOD * np.arange(errors.size)
@@ -118,10 +124,7 @@ def yielding(rough: RoughControl, controller: Controller, seed: int) -> Yielding
     """Push a joint under control, and let the supply sag."""
     compliance = []
     for hertz in SWINGS_AT:
-        omega = 2.0 * math.pi * hertz
-        errors = _errors(
-            rough, controller, SWINGS_FOR, seed, lambda t, w=omega: SWING * math.sin(w * t)
-        )
+        errors = _errors(rough, controller, SWINGS_FOR, seed, _swinging(hertz))
         compliance.append(amplitude(errors[errors.size // 2 :], hertz) / SWING)
     loaded = np.abs(_errors(rough, controller, 2.0 * LEFT_AFTER, seed, lambda _: LOAD))
     sag = []
@@ -176,12 +179,11 @@ def run(given: Arguments) -> Outcome:
     rough = RoughControl(load_rig(chosen_rig(given)), TOLD, given.seed)
     plain = Controller(rough.rig, TOLD.replace(adaptation=False), rough.designs)
     print(HEADER)
-    found: dict[str, Yielding] = {}
-    for name, measure in (
-        ("default", lambda: yielding(rough, rough.controller, given.seed)),
-        ("without adaptation", lambda: yielding(rough, plain, given.seed)),
-        ("muscles alone", lambda: muscles_alone(rough.controller)),
-    ):
-        found[name] = measure()
-        print(_row(name, found[name]), flush=True)
+    found = {
+        "default": yielding(rough, rough.controller, given.seed),
+        "without adaptation": yielding(rough, plain, given.seed),
+        "muscles alone": muscles_alone(rough.controller),
+    }
+    for name, each in found.items():
+        print(_row(name, each))
     return Outcome({name: asdict(each) for name, each in found.items()}, [])

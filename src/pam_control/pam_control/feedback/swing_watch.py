@@ -183,7 +183,10 @@ class SwingWatch:
         rests = all(swing.rests for swing in swings)
         if not (
             all(_even(*pair, UNEVEN) for pair in pairwise(durations))
-            or (not rests and all(_even(*durations[way::2], UNEQUAL) for way in (0, 1)))
+            or (
+                not rests
+                and all(_even(durations[way], durations[way + 2], UNEQUAL) for way in (0, 1))
+            )
         ):
             return None
         lasted = sum(durations)
