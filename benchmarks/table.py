@@ -161,10 +161,10 @@ def disturbances() -> Iterator[Row]:
     for work, key in (("largest error", "peak"), ("error after 1 s", "left")):
         one, other = (1e3 * each[key] for each in (default, alone))
         yield Row(f"{work}, load of 1 N m put on", "mrad", one, "without adaptation", other)
-    for index, (motion, goal) in enumerate((("arm", 0.96), ("chirp", 4.56))):
+    for index, motion in enumerate(("arm", "chirp")):
         one, other = (1e3 * each["sag"][index] for each in (default, alone))
-        work = f"{motion} while the supply sags by 3 bar"
-        yield Row(work, "mrad RMS", one, "without adaptation", other, goal)
+        work = f"{motion} while the supply sags by 2 bar"
+        yield Row(work, "mrad RMS", one, "without adaptation", other)
 
 
 def bag() -> Iterator[Row]:

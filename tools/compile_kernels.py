@@ -1,4 +1,4 @@
-"""Compile the simulated joint, the simulated robot and the predictions of one joint.
+"""Compile the controller, the simulated joint and robot, and the predictions of one joint.
 
 Usage: ``.venv/bin/python tools/compile_kernels.py``. numba keeps the machine code on disk. Without
 this, the first simulation, the first diagnosis and the first tests, each in two processes at once,
@@ -9,6 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
+from pam_control.controller import Controller
+from pam_control.settings import ControlSettings
 from pam_gap.prediction.channel_order import N_CHANNELS
 from pam_gap.prediction.observer import observe
 from pam_model.plant.constants import derive_constants
@@ -24,7 +26,9 @@ STEP = 1e-3  # s
 
 def main() -> None:
     """Call each kernel once."""
-    parameters = PlantParameters.from_rig(load_rig(RIG))
+    rig = load_rig(RIG)
+    parameters = PlantParameters.from_rig(rig)
+    Controller(rig, ControlSettings())
     Plant(parameters).step((0.0, 0.0), STEP)
     RobotPlant([parameters]).step([(0.0, 0.0)], STEP)
     observe(

@@ -73,7 +73,7 @@ for setup in src/*/setup.py proof/setup.py; do editable+=(-e "${setup%setup.py}"
 pip_install --no-deps --no-build-isolation "${editable[@]}"
 # before 0.2 the nodes had these names; scripts of that time still find them, in a source tree only
 for old in controller_node driver_node model_node; do ln -sf "pam_$old" ".venv/bin/$old"; done
-echo "setup: compiling the simulated robot, for which the first start would have to wait"
+echo "setup: compiling the controller and the simulated robot, for which the first start would have to wait"
 .venv/bin/python tools/compile_kernels.py
 printf '%s' "$package_stamp" >.venv/.package-stamp
 echo "setup: done in ${SECONDS} s"

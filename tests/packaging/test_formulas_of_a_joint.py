@@ -30,7 +30,7 @@ REMAINING = frozenset(
         "pam_control/pam_control/feedback/linear_joint.py",
         "pam_control/pam_control/feedback/observer_design.py",
         "pam_control/pam_control/feedback/operating_points.py",
-        "pam_control/pam_control/feedback/pressure_loop.py",
+        "pam_control/pam_control/cycle/pressure_loops.py",
         "pam_control/pam_control/learning/learning_filter.py",
         "pam_gap/pam_gap/inference/candidates.py",
         "pam_gap/pam_gap/prediction/problem.py",

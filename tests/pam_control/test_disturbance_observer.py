@@ -12,9 +12,9 @@ from pam_control.controller import Controller
 from pam_control.controller_topics import ControllerTopics
 from pam_control.feedback.disturbance_observer import begin_observer, observed_loss
 from pam_control.feedback.margins import ControlDesignError
-from pam_control.laws.plan_rows import N_MEASURED, N_PLAN, P_A
 from pam_control.plan_memory import Rings, measure, value_at
 from pam_control.references.trajectory import TrajectoryPoint
+from pam_control.rows.plan_rows import N_MEASURED, N_PLAN, P_A
 from pam_control.settings import ControlSettings
 
 SETTLE = 2.0

@@ -9,9 +9,9 @@ from pam_control.control_step import Measurement
 from pam_control.controller import Controller
 from pam_control.feedback.closed_loop import is_stable
 from pam_control.feedback.margins import margins
-from pam_control.laws.plan_rows import N_PLANNED, P_A, P_B, P_KNOWN, P_MEMORY, P_STIFFNESS
 from pam_control.plan_memory import Rings, planned_at, planned_rate, remember
 from pam_control.references.spline import JointReference
+from pam_control.rows.plan_rows import N_PLANNED, P_A, P_B, P_KNOWN, P_MEMORY, P_STIFFNESS
 from pam_control.settings import ControlSettings
 from pam_model.effects import EFFECTS
 from pam_model.robot import compose

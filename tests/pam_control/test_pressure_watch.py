@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 import random
 
-from pam_control.feedback.loop_rows import N_NUMBERS, N_STATE, N_THRESHOLD, V_FACTOR
 from pam_control.feedback.pressure_watch import (
     LEAST_FACTOR,
     LEAST_SHARE,
     begin_watch,
     watch_pressure,
 )
+from pam_control.rows.loop_rows import N_NUMBERS, N_STATE, N_THRESHOLD, V_FACTOR
 
 STEP = 0.002
 

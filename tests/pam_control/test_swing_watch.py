@@ -6,7 +6,7 @@ import pytest
 from pam_control.control_step import JointTelemetry, Motion
 from pam_control.controller import Controller
 from pam_control.feedback.swing_watch import Reversals, SwingWatch
-from pam_control.loop_guard import PAUSE, LoopGuard, Verdict
+from pam_control.loop_guard import PAUSE, LoopGuard, Means, Verdict
 from pam_control.references.spline import JointReference
 from pam_control.references.trajectory import TrajectoryPoint
 from pam_control.settings import ControlSettings
@@ -180,16 +180,16 @@ def test_a_loop_without_one_is_not(closed_loop, rig, reaching):
     assert controller.guard.lowered == 0
 
 
-def swinging(guard, behind_tube=0, steps=2, can_soften=True, size=lambda time: 6e-3):
-    """What the guard asks for, with the times [s], of a joint that swings at rest at 5 Hz."""
-    asked = []
+def swinging(guard, behind_tube=0, steps=2, size=lambda time: 6e-3, hertz=5.0):
+    """What the guard asks for, with the times [s], of a joint that swings at rest."""
+    asked, means = [], Means(True, steps, [14.0])
     for k in range(round(8.0 / PERIOD)):
         time = k * PERIOD
-        error = 0.5 * size(time) * np.sin(2.0 * np.pi * 5.0 * time)
+        error = 0.5 * size(time) * np.sin(2.0 * np.pi * hertz * time)
         joint = JointTelemetry(
             JointReference(0.0), Motion(-error, 0.0, time), error, behind_tube=behind_tube
         )
-        verdict = guard.judge(time, [joint], 0.3, can_soften, steps)
+        verdict = guard.judge(time, [joint], 0.3, means)
         if verdict is not Verdict.NOTHING:
             asked.append((time, verdict))
         if verdict is Verdict.STOP:
@@ -197,9 +197,9 @@ def swinging(guard, behind_tube=0, steps=2, can_soften=True, size=lambda time: 6
     return asked
 
 
-def test_swings_that_go_on_lower_the_gains_then_bring_the_soft_ones_then_stop(rig):
+def test_swings_that_grow_lower_the_gains_then_bring_the_soft_ones_then_stop(rig):
     guard = LoopGuard(compose(rig).joints)
-    asked = swinging(guard)
+    asked = swinging(guard, size=lambda time: 4e-3 * (1.0 + time))
     lower, soften = Verdict.LOWER, Verdict.SOFTEN
     assert [verdict for _, verdict in asked] == [lower, lower, soften, Verdict.STOP]
     times = [time for time, _ in asked]
@@ -209,11 +209,18 @@ def test_swings_that_go_on_lower_the_gains_then_bring_the_soft_ones_then_stop(ri
     assert "5 Hz" in guard.swings
 
 
-def test_swings_that_soft_gains_have_made_smaller_go_on(rig):
+def test_swings_that_do_not_grow_are_told_and_leave_the_adaptation_at_work(rig):
     guard = LoopGuard(compose(rig).joints)
-    asked = swinging(guard, steps=0, size=lambda time: 6e-3 if time < 1.0 else 4e-3)
-    assert [verdict for _, verdict in asked] == [Verdict.SOFTEN]
-    assert guard.stopped == ""
+    assert [verdict for _, verdict in swinging(guard)] == [Verdict.LOWER, Verdict.LOWER]
+    assert (guard.softened, guard.stopped) == ("", "")
+    assert guard.swings
+
+
+def test_swings_slower_than_the_loop_come_from_outside_and_leave_the_gains(rig):
+    """Somebody pushes again and again; with lower gains the joint would yield more."""
+    guard = LoopGuard(compose(rig).joints)
+    assert swinging(guard, hertz=1.0) == []
+    assert "outside torque" in guard.swings
 
 
 def test_a_tube_that_was_found_is_the_likely_cause(rig):

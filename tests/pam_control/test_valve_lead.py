@@ -8,8 +8,8 @@ from functools import partial
 import numpy as np
 import pytest
 
-from pam_control.feedback.loop_rows import N_LAG, N_NUMBERS, N_STATE, V_LAGGED
 from pam_control.feedback.valve_lead import lead_command
+from pam_control.rows.loop_rows import N_LAG, N_NUMBERS, N_STATE, V_LAGGED
 
 STEP = 0.002  # s
 LAG = 0.005  # s

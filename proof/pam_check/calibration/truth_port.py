@@ -46,7 +46,7 @@ class TruthPort:
         self._plant = RunningTruth(
             drawn.joint, drawn.muscles, drawn.sensors, np.random.default_rng(seed),
             period=period, count=count, pressure=0.0,
-            supply=drawn.supply.factor(np.arange(count) * period),
+            supply=drawn.supply.factor(np.arange(count, dtype=np.float64) * period),
         )  # fmt: skip
         self._first = round(AT_REST / period)
         empty = 0.0 if self._regulated else -1.0

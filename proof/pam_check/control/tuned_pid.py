@@ -36,7 +36,7 @@ from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.feedback.pid import PidGains
 from pam_control.laws.pressure_difference_pid import PressureDifferencePid
 from pam_control.loop_design import Loops, PreparedSettings
-from pam_control.loop_guard import LoopGuard, Verdict
+from pam_control.loop_guard import LoopGuard, Means, Verdict
 from pam_control.references.trajectory import TrajectoryPoint
 from pam_model.rig import Rig
 
@@ -79,7 +79,7 @@ class _NoGuard(LoopGuard):
         time: float,
         joints: Sequence[JointTelemetry],
         tracking_time: float,
-        can_soften: bool,
+        means: Means,
     ) -> Verdict:
         return Verdict.NOTHING
 

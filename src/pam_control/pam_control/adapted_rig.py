@@ -21,7 +21,7 @@ from typing import Any, Final
 
 from pam_control.adaptation.flow_adaptation import FlowAdaptation
 from pam_control.adaptation.rig_numbers import DRY_FRICTION, LearntNumber, RigNumbers
-from pam_control.joint_channel import JointChannel
+from pam_control.cycle.joint_channel import JointChannel
 from pam_model.effects import effect_value
 from pam_model.errors import PamError
 from pam_model.rig import Muscle, Rig, save_rig

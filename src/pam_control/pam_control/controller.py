@@ -17,13 +17,13 @@ from collections.abc import Sequence
 from typing import Final
 
 from pam_control.adaptation.torque_adaptation import LONGEST_DELAY
-from pam_control.control_cycle import ControlCycle
 from pam_control.control_step import (
     ControlOutput,
     JointTelemetry,
     Measurement,
     missing_measurement,
 )
+from pam_control.cycle.control_cycle import ControlCycle
 from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.feedback.supply_reservoir import SupplyReservoir
 from pam_control.joint_models import JointModels, Pair
@@ -31,7 +31,7 @@ from pam_control.joint_setup import joint_setups
 from pam_control.laws.law import AnyLaw
 from pam_control.laws.position_stiffness import PositionStiffness
 from pam_control.loop_design import LoopDesign, Loops, PreparedSettings
-from pam_control.loop_guard import LoopGuard, Verdict
+from pam_control.loop_guard import LoopGuard, Means, Verdict
 from pam_control.lowering import Lowering, LoweringPhase
 from pam_control.reference_limits import ReferenceLimits
 from pam_control.references.reference_generator import ReferenceGenerator
@@ -104,9 +104,7 @@ class Controller:
         stiffnesses = self._default_stiffness(settings)
         self._limits = ReferenceLimits(rig, self.robot, self._models, stiffnesses)
         setups = joint_setups(self._models, self.prepared, self.prepared.normal)
-        self._cycle = ControlCycle(
-            self.robot, self._models, self.reservoir, law, setups, self.references
-        )
+        self._cycle = ControlCycle(self._models, self.reservoir, law, setups, self.references)
         self.channels = self._cycle.channels
         self.correction = SensorCorrection(self.robot)
         self.active = False
@@ -199,6 +197,11 @@ class Controller:
     def _apply(self, loops: Loops) -> None:
         """Use these loops from the next step on, without a jump of the desired pressures."""
         self.settings = settings = loops.settings
+        self._means = Means(
+            self.can_soften,
+            len(self.prepared.lowered),
+            [min(each.crossover for each in found) for found in self.prepared.normal.margins],
+        )
         setups = joint_setups(self._models, self.prepared, loops)
         self._cycle.use(setups)
         if not settings.adaptation:
@@ -444,8 +447,7 @@ class Controller:
                 return self._stopped()
             if self.lowering.phase is LoweringPhase.SINKING:
                 return output
-        wait, steps = self.settings.tracking_time, len(self.prepared.lowered)
-        match self.guard.judge(time, joints, wait, self.can_soften, steps):
+        match self.guard.judge(time, joints, self.settings.tracking_time, self._means):
             case Verdict.LOWER | Verdict.SOFTEN:
                 self._apply(self._loops())
             case Verdict.STOP:

@@ -8,8 +8,10 @@ because the pressure loops change then.
 
 Swings that are too small for that are told with their likely cause, and answered step by step,
 because the safe gains leave larger errors of friction and load: the gains are lowered, and lowered
-again while the swings go on, then the safe gains are used, and a joint that swings with these as
-widely as at first is stopped.
+again while the swings go on; if they have grown to twice the first ones, the safe gains are used,
+and a joint that swings with these as widely as at first is stopped. A delay makes a loop swing at
+its crossover frequency or above. What is slower and does not stick comes from outside, and lower
+gains would yield more to it.
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ import math
 from collections import deque
 from collections.abc import Sequence
 from enum import Enum
+from typing import NamedTuple
 
 from pam_control.control_step import JointTelemetry
 from pam_control.feedback.loop_watch import OscillationWatch, TrackingWatch
@@ -29,6 +32,8 @@ PAUSE = 0.6  # s after softening or a tube; what is under way with the old loops
 # because what one pause leaves has faded when the next one comes.
 MOST_STILL = 0.3
 GAP_MEMORY = 0.5  # s
+GROWN = 2.0  # of the first swings; smaller ones are less than what soft gains leave
+SLOW = 0.8  # of the crossover frequency, below which a loop swings only with friction or a tube
 
 
 class Verdict(Enum):
@@ -38,6 +43,24 @@ class Verdict(Enum):
     LOWER = "lower"
     SOFTEN = "soften"
     STOP = "stop"
+
+
+class Means(NamedTuple):
+    """What can be done, and how the loops are.
+
+    Attributes
+    ----------
+    can_soften : bool
+        Whether there are safe gains.
+    steps : int
+        How often the normal gains can be lowered.
+    crossovers : sequence of float
+        Least crossover frequency of each joint's loop with the normal gains [rad/s].
+    """
+
+    can_soften: bool
+    steps: int
+    crossovers: Sequence[float]
 
 
 class LoopGuard:
@@ -124,8 +147,7 @@ class LoopGuard:
         time: float,
         joints: Sequence[JointTelemetry],
         tracking_time: float,
-        can_soften: bool,
-        steps: int = 0,
+        means: Means,
     ) -> Verdict:
         """Judge the telemetry of a control cycle.
 
@@ -137,12 +159,10 @@ class LoopGuard:
             Of the cycle.
         tracking_time : float
             How long a tracking error may be above its limit [s].
-        can_soften : bool
-            Whether there are safe gains.
-        steps : int
-            How often the normal gains can be lowered.
+        means : Means
+            What can be done.
         """
-        answer = self._answer_swings(time, joints, can_soften, steps)
+        answer = self._answer_swings(time, joints, means)
         if answer is not Verdict.NOTHING:
             return answer
         for index, (joint, oscillation, tracking) in enumerate(
@@ -162,8 +182,9 @@ class LoopGuard:
                 wild = oscillation.too_fast(speed)
             if not wild or time < self._pause_until:
                 continue
-            if self.softened or not can_soften:
-                self.stopped = f"{name}: {wild}" + (", even with soft gains" if can_soften else "")
+            if self.softened or not means.can_soften:
+                even = ", even with soft gains" if means.can_soften else ""
+                self.stopped = f"{name}: {wild}{even}"
                 return Verdict.STOP
             self.softened = f"{name}: {wild}"
             self._pause_until = time + PAUSE
@@ -172,7 +193,7 @@ class LoopGuard:
         return Verdict.NOTHING
 
     def _answer_swings(
-        self, time: float, joints: Sequence[JointTelemetry], can_soften: bool, steps: int
+        self, time: float, joints: Sequence[JointTelemetry], means: Means
     ) -> Verdict:
         """Tell small swings, and what has to be done against them."""
         pairs = zip(self._reversals, joints, strict=True)
@@ -185,14 +206,21 @@ class LoopGuard:
             for joint in joints
         )
         verdict = Verdict.NOTHING
-        for name, joint, watch in zip(self._names, joints, self._swinging, strict=True):
+        for name, joint, watch, crossover in zip(
+            self._names, joints, self._swinging, means.crossovers, strict=True
+        ):
             if joint.law.yields or joint.law.driven:  # others move it
                 continue
             seen = watch.update(time, joint.error, joint.motion.position, changes, rests)
             fades = time < max(self._pause_until, self._swings_fade_until)
             if seen is not None and not fades and verdict is Verdict.NOTHING:
-                told = f"{name}: {_told(seen, joint.behind_tube)}"
-                verdict = self._answer(told, seen, can_soften, steps)
+                slow = 2.0 * math.pi * seen.frequency < SLOW * crossover
+                outside = slow and not seen.sticks and not joint.behind_tube
+                told = f"{name}: {_told(seen, joint.behind_tube, outside)}"
+                if outside:
+                    self.swings = self.swings or told
+                else:
+                    verdict = self._answer(told, seen, means)
         if verdict is Verdict.LOWER:  # the other watches go on
             self._swings_fade_until = time + PAUSE
             for watch in self._swinging:
@@ -202,29 +230,32 @@ class LoopGuard:
             self.restart()
         return verdict
 
-    def _answer(self, told: str, seen: Swings, can_soften: bool, steps: int) -> Verdict:
-        if not self.swings:
-            self.swings, self._first_size = told, seen.size
+    def _answer(self, told: str, seen: Swings, means: Means) -> Verdict:
+        self.swings = self.swings or told
+        if self._first_size == math.inf:
+            self._first_size = seen.size
         if self.softened:
             if seen.size < self._first_size:
                 return Verdict.NOTHING
             self.stopped = f"{told}; with soft gains it swings as widely"
             return Verdict.STOP
-        if self.lowered < steps:
+        if self.lowered < means.steps:
             self.lowered += 1
             return Verdict.LOWER
-        if not can_soften:
+        if not means.can_soften or seen.size < GROWN * self._first_size:
             return Verdict.NOTHING
         self.softened = told
         return Verdict.SOFTEN
 
 
-def _told(seen: Swings, behind_tube: int) -> str:
+def _told(seen: Swings, behind_tube: int, outside: bool) -> str:
     """What is told of swings that were seen."""
     if behind_tube:
         cause = "a tube between valve and muscle"
     elif seen.sticks:
         cause = "dry friction that sticks, with the integral of the feedback"
+    elif outside:
+        cause = "an outside torque that swings: the loop itself could not swing so slowly"
     else:
         cause = "a delay that the rig file does not name"
     where = "at rest" if seen.rests else "in motion"

@@ -14,7 +14,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from pam_control.laws.plan_rows import N_PLANNED, P_A, P_B, P_KNOWN, P_MEMORY, P_STIFFNESS, P_TIME
+from pam_control.rows.plan_rows import N_PLANNED, P_A, P_B, P_KNOWN, P_MEMORY, P_STIFFNESS, P_TIME
 from pam_model.plant.compiled import for_kernel
 
 # Plans are kept until they are this much older than the last measurement [s]: a rate is computed

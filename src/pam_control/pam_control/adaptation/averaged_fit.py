@@ -158,6 +158,8 @@ class AveragedFit:
             self._unsolved = 0.0
             self._fit()
         self._followed += -math.expm1(-duration / FOLLOWS) * (self.fitted - self._followed)
+        if not any(self.fitted) and self._explained(self._followed) <= 0.01 * self._least:
+            self._followed[:] = 0.0
         self.weights = (comparison.share * self._followed).tolist()
 
     def _fit(self) -> None:
@@ -179,12 +181,20 @@ class AveragedFit:
         odds = np.exp(evidence - evidence.max())
         self.probabilities = odds / odds.sum()
         weights = self.probabilities @ self._solutions
-        explained = float(weights @ self._products @ weights)
-        least = self._threshold**2 * self._seen
+        explained, least = self._explained(weights), self._least
         if explained <= least:
             self.fitted = [0.0] * len(weights)
         else:
             self.fitted = ((1.0 - least / explained) * weights).tolist()
+
+    @property
+    def _least(self) -> float:
+        """Sum of the squares that weights must explain to be used at all."""
+        return self._threshold**2 * self._seen
+
+    def _explained(self, weights: Array) -> float:
+        """Sum of the squares that these weights explain."""
+        return float(weights @ self._products @ weights)
 
     def _solve(self, regular: Array, wanted: Array) -> None:
         """Find the weights of all rivals, each above its bound."""

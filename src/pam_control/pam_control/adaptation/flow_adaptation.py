@@ -37,7 +37,8 @@ import numpy as np
 
 from pam_control.adaptation.recursive_fit import RecursiveFit, Suspect
 from pam_control.adaptation.tube_search import TubeSearch
-from pam_control.feedback.loop_rows import (
+from pam_control.limited import limited
+from pam_control.rows.loop_rows import (
     N_FULL,
     N_PER_PRESSURE,
     N_PER_SQUARE,
@@ -57,7 +58,6 @@ from pam_control.feedback.loop_rows import (
     V_WARM,
     V_WEIGHTS,
 )
-from pam_control.limited import limited
 
 FILTER: Final = 0.06  # s
 EVERY: Final = 0.02  # s between two updates of the fit

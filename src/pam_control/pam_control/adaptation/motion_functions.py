@@ -18,6 +18,8 @@ from __future__ import annotations
 import math
 from typing import Any, Final
 
+from pam_control.rows.plan_rows import N_MEMORY
+
 SLIP_LENGTHS: Final = (0.0015, 0.006, 0.025, 0.1)  # rad
 CREEP_TIMES: Final = (0.15, 1.5)  # s
 DEVIATIONS: Final = (0.03, 0.1, 0.1, 0.01, 1e-3, *(0.022,) * 6)
@@ -26,8 +28,7 @@ DEVIATIONS: Final = (0.03, 0.1, 0.1, 0.01, 1e-3, *(0.022,) * 6)
 
 N_SLIPS: Final = len(SLIP_LENGTHS)
 N_ELEMENTS: Final = N_SLIPS + len(CREEP_TIMES)
-N_MEMORY: Final = 1 + N_ELEMENTS
-"""Numbers of a memory: the last position [rad], slip elements, relaxed positions [rad]."""
+assert N_MEMORY == 1 + N_ELEMENTS
 
 
 def begin_memory(row: Any, at: int) -> None:

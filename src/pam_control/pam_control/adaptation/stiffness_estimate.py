@@ -27,7 +27,7 @@ from typing import Final
 
 import numpy as np
 
-from pam_control.adaptation.motion_functions import N_MEMORY, begin_memory, element, move_memory
+from pam_control.adaptation.motion_functions import begin_memory, element, move_memory
 from pam_control.adaptation.recursive_fit import CORRELATED, Array
 from pam_control.adaptation.rig_numbers import (
     DRY_FRICTION,
@@ -39,6 +39,7 @@ from pam_control.adaptation.rig_numbers import (
     RigNumbers,
     fitted_numbers,
 )
+from pam_control.rows.plan_rows import N_MEMORY
 from pam_model.effects import effect_value
 from pam_model.errors import PamError
 from pam_model.joints.antagonistic_joint import AntagonisticJoint

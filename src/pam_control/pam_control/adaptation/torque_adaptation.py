@@ -42,7 +42,8 @@ from pam_control.adaptation.motion_functions import (
     element,
     move_memory,
 )
-from pam_control.laws.plan_rows import (
+from pam_control.limited import limited
+from pam_control.rows.plan_rows import (
     A_BEFORE,
     A_BEGUN,
     A_DELAY,
@@ -65,7 +66,6 @@ from pam_control.laws.plan_rows import (
     Y_PLANNED_AT,
     Y_REFERENCE,
 )
-from pam_control.limited import limited
 
 FILTER: Final = 0.03  # s, T
 EVERY: Final = 0.01  # s between two updates of the fit

@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from typing import Any, Final
 
-from pam_control.feedback.loop_rows import V_INSIDE
+from pam_control.rows.loop_rows import V_INSIDE
 
 TRUST: Final = 0.1  # s, T
 

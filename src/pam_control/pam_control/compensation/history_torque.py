@@ -11,7 +11,7 @@ import math
 from typing import Any
 
 from pam_control.compensation.dry_friction import slipped
-from pam_control.laws.plan_rows import (
+from pam_control.rows.plan_rows import (
     J_HAS_HISTORY,
     J_PRESLIDING,
     Y_HISTORY_POSITION,

@@ -24,7 +24,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from pam_control.laws.plan_rows import (
+from pam_control.limited import limited
+from pam_control.rows.plan_rows import (
     Y_LOST,
     Y_MOTION,
     Y_MUSCLES,
@@ -32,7 +33,6 @@ from pam_control.laws.plan_rows import (
     Y_SMOOTH_LOST,
     Y_SPEED,
 )
-from pam_control.limited import limited
 
 Pair = tuple[float, float]
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from typing import Any, Final
 
-from pam_control.feedback.loop_rows import (
+from pam_control.rows.loop_rows import (
     N_THRESHOLD,
     V_BEFORE,
     V_COUNT,

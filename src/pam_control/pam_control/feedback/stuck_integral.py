@@ -19,7 +19,7 @@ from __future__ import annotations
 import math
 from typing import Any, Final
 
-from pam_control.laws.plan_rows import Y_GATHERED, Y_PLACE, Y_STUCK_INTEGRAL, Y_TARGET
+from pam_control.rows.plan_rows import Y_GATHERED, Y_PLACE, Y_STUCK_INTEGRAL, Y_TARGET
 
 STICKS: Final = 1.5e-3  # rad, in which the position of a joint that sticks stays
 TRAVEL: Final = 4e-3  # rad of the reference, in which the torque is given back

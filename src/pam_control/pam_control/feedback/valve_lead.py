@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from pam_control.feedback.loop_rows import N_LAG, V_LAGGED
+from pam_control.rows.loop_rows import N_LAG, V_LAGGED
 
 
 def lead_command(n: Any, v: Any, opening: float, ratio: float, step: float) -> float:

@@ -17,7 +17,17 @@ from pam_control.compensation.history_torque import history_torque
 from pam_control.feedback.disturbance_observer import observed_loss
 from pam_control.feedback.pid import handed_over
 from pam_control.feedback.stuck_integral import given_back
-from pam_control.laws.plan_rows import (
+from pam_control.limited import limited
+from pam_control.plan_memory import (
+    measure,
+    newest,
+    planned_at,
+    planned_rate,
+    remember,
+    shown_pressure,
+    value_at,
+)
+from pam_control.rows.plan_rows import (
     A_DELAY,
     A_FRICTION,
     A_KNOWS,
@@ -115,16 +125,6 @@ from pam_control.laws.plan_rows import (
     Y_SHOWN_B,
     Y_SINCE_ESTIMATE,
     Y_STIFFNESS,
-)
-from pam_control.limited import limited
-from pam_control.plan_memory import (
-    measure,
-    newest,
-    planned_at,
-    planned_rate,
-    remember,
-    shown_pressure,
-    value_at,
 )
 from pam_model.joints.affine_inverse import Line, affine_line, affine_pressures
 from pam_model.physics.joint_geometry import AGONIST_SIGN, ANTAGONIST_SIGN, muscle_length

@@ -19,7 +19,11 @@ from pam_control.compensation.history_torque import begin_history
 from pam_control.feedback.disturbance_observer import begin_observer
 from pam_control.feedback.stuck_integral import begin_sticking
 from pam_control.joint_models import PRESSURE_SHARE, JointModels
-from pam_control.laws.plan_rows import (
+from pam_control.laws.position_plan import AHEAD, AIM, NOW, OBSERVE, REACHED, plan_parts
+from pam_control.learning.motion_learner import MotionLearner
+from pam_control.limited import limited
+from pam_control.plan_memory import KEPT_BEFORE_MEASUREMENT, Rings, new_plans
+from pam_control.rows.plan_rows import (
     J_HAS_HISTORY,
     J_HIGH_A,
     J_HIGH_B,
@@ -78,10 +82,6 @@ from pam_control.laws.plan_rows import (
     Y_SINCE_ESTIMATE,
     Y_STIFFNESS,
 )
-from pam_control.laws.position_plan import AHEAD, AIM, NOW, OBSERVE, REACHED, plan_parts
-from pam_control.learning.motion_learner import MotionLearner
-from pam_control.limited import limited
-from pam_control.plan_memory import KEPT_BEFORE_MEASUREMENT, Rings, new_plans
 from pam_control.settings import ControlSettings
 from pam_model.effects.slots import PullState
 from pam_model.plant.compiled import for_kernel, prepare

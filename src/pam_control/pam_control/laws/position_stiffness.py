@@ -26,7 +26,10 @@ from pam_control.feedback.margins import LoopCase
 from pam_control.feedback.operating_points import operating_grid
 from pam_control.joint_models import JointModels
 from pam_control.laws.law import Law, Start
-from pam_control.laws.plan_rows import (
+from pam_control.laws.position_rows import Estimates, PositionRows
+from pam_control.learning.motion_learner import MotionLearner
+from pam_control.plan_memory import newest
+from pam_control.rows.plan_rows import (
     P_MEMORY,
     X_ACTS_A,
     X_ACTS_B,
@@ -56,9 +59,6 @@ from pam_control.laws.plan_rows import (
     Y_LOST,
     Y_STIFFNESS,
 )
-from pam_control.laws.position_rows import Estimates, PositionRows
-from pam_control.learning.motion_learner import MotionLearner
-from pam_control.plan_memory import newest
 from pam_control.settings import ControlSettings
 
 CORRECTED_EVERY: Final = 0.2  # s

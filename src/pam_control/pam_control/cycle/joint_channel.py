@@ -12,9 +12,7 @@ from pam_control.control_step import (
     Motion,
     PlanRequest,
 )
-from pam_control.feedback.pid import F_INTEGRAL, PidGains, begin_feedback, continue_feedback
-from pam_control.feedback.pressure_loop import MuscleLoop
-from pam_control.joint_cycle import (
+from pam_control.cycle.joint_cycle import (
     K_DELAY,
     K_DESIRED_A,
     K_DESIRED_B,
@@ -29,10 +27,14 @@ from pam_control.joint_cycle import (
     K_VELOCITY,
     CycleRows,
 )
+from pam_control.cycle.pressure_loops import MuscleLoop
+from pam_control.feedback.pid import F_INTEGRAL, PidGains, begin_feedback, continue_feedback
 from pam_control.joint_models import JointModels, Pair
 from pam_control.joint_setup import JointSetup
 from pam_control.laws.law import Guidance, GuideRequest, Start
-from pam_control.laws.plan_rows import (
+from pam_control.references.motion_limiter import MotionLimits
+from pam_control.references.spline import JointReference
+from pam_control.rows.plan_rows import (
     X_ACTS_A,
     X_ACTS_B,
     X_DESIRED_A,
@@ -57,8 +59,6 @@ from pam_control.laws.plan_rows import (
     X_TORQUE_LIMITED,
     X_TRUE_STIFFNESS,
 )
-from pam_control.references.motion_limiter import MotionLimits
-from pam_control.references.spline import JointReference
 
 
 class JointChannel:

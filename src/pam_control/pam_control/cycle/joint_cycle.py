@@ -17,15 +17,6 @@ from typing import Any, Final
 import numpy as np
 
 from pam_control.feedback.gain_schedule import gains_at
-from pam_control.feedback.loop_rows import (
-    D_AHEAD,
-    D_POSITION,
-    D_PRESSURE,
-    D_RATE,
-    D_REFERENCE,
-    D_SPEED,
-    V_DELAY,
-)
 from pam_control.feedback.pid import (
     F_INTEGRAL,
     N_FEEDBACK,
@@ -35,7 +26,18 @@ from pam_control.feedback.pid import (
 )
 from pam_control.joint_models import JointModels
 from pam_control.joint_setup import JointSetup
-from pam_control.laws.plan_rows import (
+from pam_control.limited import limited
+from pam_control.references.limited_references import reference_at
+from pam_control.rows.loop_rows import (
+    D_AHEAD,
+    D_POSITION,
+    D_PRESSURE,
+    D_RATE,
+    D_REFERENCE,
+    D_SPEED,
+    V_DELAY,
+)
+from pam_control.rows.plan_rows import (
     N_CYCLE,
     X_ACTS_A,
     X_ACTS_B,
@@ -60,8 +62,6 @@ from pam_control.laws.plan_rows import (
     X_TORQUE_LIMITED,
     X_VELOCITY,
 )
-from pam_control.limited import limited
-from pam_control.references.limited_references import reference_at
 from pam_model.plant.compiled import entry_point, for_kernel
 
 (U_SPEED_FILTER, U_INTEGRAL_LIMIT, U_PRESSURE_RATE, U_ACTS_A, U_ACTS_B, U_POSITION_DELAY,

@@ -8,17 +8,16 @@ from collections.abc import Sequence
 import numpy as np
 
 from pam_control.control_step import Measurement
-from pam_control.feedback.pressure_loop import PressureLoops
+from pam_control.cycle.joint_channel import JointChannel
+from pam_control.cycle.joint_cycle import CycleRows, demand, longest_delay, new_cycle, sense, settle
+from pam_control.cycle.pressure_loops import PressureLoops
 from pam_control.feedback.supply_reservoir import SupplyReservoir
-from pam_control.joint_channel import JointChannel
-from pam_control.joint_cycle import CycleRows, demand, longest_delay, new_cycle, sense, settle
 from pam_control.joint_models import JointModels
 from pam_control.joint_setup import JointSetup
 from pam_control.laws.law import AnyLaw
 from pam_control.references.reference_generator import ReferenceGenerator
 from pam_control.settings import ControlSettings
 from pam_model.plant.compiled import for_kernel, listed, prepare
-from pam_model.robot import Robot
 from pam_model.views.joint_numbers import joint_numbers
 
 
@@ -27,10 +26,8 @@ class ControlCycle:
 
     Parameters
     ----------
-    robot : Robot
-        The robot.
     joints : sequence of JointModels
-        Its joints.
+        All joints of the robot.
     reservoir : SupplyReservoir
         From which all valves draw.
     law : Law
@@ -48,7 +45,6 @@ class ControlCycle:
 
     def __init__(
         self,
-        robot: Robot,
         joints: Sequence[JointModels],
         reservoir: SupplyReservoir,
         law: AnyLaw,
@@ -56,6 +52,7 @@ class ControlCycle:
         references: ReferenceGenerator,
     ) -> None:
         self._joints, self._law, self._references = joints, law, references
+        robot = joints[0].robot
         self._count = len(robot.muscles)
         self._valves = PressureLoops(robot, joints, reservoir, for_kernel(joint_numbers(robot)))
         states, loops = law.init_together(joints), self._valves.loops

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Final
 
-from pam_control.adaptation.motion_functions import N_MEMORY
+N_MEMORY: Final = 7
+"""Of `motion_functions`: the last position, four slip elements, two relaxed positions."""
 
 # numbers: they stay the same
 (J_POSITION_LOW, J_POSITION_HIGH, J_LOW_A, J_HIGH_A, J_LOW_B, J_HIGH_B, J_MOST_A, J_MOST_B, J_LAG,

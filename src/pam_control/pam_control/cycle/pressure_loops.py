@@ -28,7 +28,12 @@ from pam_control.adaptation.flow_adaptation import (
     unit_loss,
 )
 from pam_control.adaptation.tube_pressure import pressure_behind_tube
-from pam_control.feedback.loop_rows import (
+from pam_control.feedback.pressure_watch import LEAST_SHARE, begin_watch, watch_pressure
+from pam_control.feedback.supply_reservoir import SupplyReservoir
+from pam_control.feedback.valve_lead import lead_command
+from pam_control.joint_models import JointModels
+from pam_control.limited import limited
+from pam_control.rows.loop_rows import (
     D_AHEAD,
     D_BY_LENGTH,
     D_BY_PRESSURE,
@@ -70,11 +75,6 @@ from pam_control.feedback.loop_rows import (
     V_SINCE,
     V_TUBE,
 )
-from pam_control.feedback.pressure_watch import LEAST_SHARE, begin_watch, watch_pressure
-from pam_control.feedback.supply_reservoir import SupplyReservoir
-from pam_control.feedback.valve_lead import lead_command
-from pam_control.joint_models import JointModels
-from pam_control.limited import limited
 from pam_control.settings import ControlSettings
 from pam_model.gas import GAS_CONSTANT, flow_for_pressure_rate, opening_for_flow, reference_flow
 from pam_model.physics.joint_geometry import (
