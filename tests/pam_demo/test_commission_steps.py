@@ -286,3 +286,14 @@ def test_a_first_measurement_that_is_old_is_waited_for(
         port, "advance", lambda commands: advance(commands)._replace(position=math.nan)
     )
     assert "missing" in play(port, elbow, filling(scale), scale, Limits.of(elbow)).stopped
+
+
+def test_a_robot_whose_driver_has_vented_is_no_still_robot(
+    elbow: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scale, port = scale_of(elbow, PERIOD), WiredPort(elbow)
+    advance = port.advance
+    monkeypatch.setattr(port, "advance", lambda _: advance((-1.0, -1.0)))
+    played = play(port, elbow, staircase(scale), scale, Limits.of(elbow))
+    assert "do not follow their commands" in played.stopped
+    assert len(port.truth) * PERIOD < 8.0

@@ -29,6 +29,8 @@ EMPTY: Final = 1.0  # s, of venting at the end of a motion
 TOUCH: Final = 0.4  # s, in which a valve is opened a little towards its exhaust
 TOUCH_OPENING: Final = 0.3  # of full opening, at its end
 WAKING: Final = 2.0  # s
+FOLLOWS: Final = 0.3  # of the wanted mean pressure, that must be reached
+FOLLOWS_WITHIN: Final = 1.0  # s
 RISEN: Final = 3e3  # Pa, that a muscle must not rise while all vent
 LONGEST_CHECK: Final = 120.0  # s
 
@@ -196,10 +198,14 @@ def play(port: RobotPort, rig: Rig, motion: Motion, scale: Scale, limits: Limits
     reading = first_reading(port, commands)
     log.add(reading, commands)
     state, seen, stopped = loop.init(reading.position), Seen(), ""
-    most = np.zeros(3)
+    most, behind = np.zeros(3), 0
     try:
         for k in range(motion.level.size):
             seen, stopped = watched(seen, reading, limits)
+            short = 0.5 * sum(reading.pressures) < FOLLOWS * motion.level[k] - NOT_EMPTY
+            behind = behind + 1 if short else 0
+            if behind * motion.period > FOLLOWS_WITHIN:
+                stopped = "the pressures do not follow their commands: the driver may have vented"
             if stopped:
                 break
             shares = limits.shares(reading.pressures, seen.speed, reading.position)
