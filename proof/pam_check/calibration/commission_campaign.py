@@ -272,7 +272,9 @@ def run_wiring(given: Arguments) -> Outcome:
     """Only the start-up check, with each exchange; the command of `commands.calibration`."""
     folder = Path(given.out)
     folder.mkdir(parents=True, exist_ok=True)
-    right, exchanged, pressure = [], [], 0.0
+    right: list[bool] = []
+    exchanged: list[bool] = []
+    pressure = 0.0
     bad = []
     for rig in range(given.rigs):
         random = np.random.default_rng([given.seed, rig])
