@@ -20,6 +20,7 @@ def item_with(mark):
     added = []
     return SimpleNamespace(
         nodeid="a test",
+        path=Path(__file__),  # which has the word `system`
         get_closest_marker=lambda name: mark.mark if mark and mark.mark.name == name else None,
         add_marker=added.append,
         added=added,

@@ -17,14 +17,14 @@ from .test_dependencies import INDEX_NAMES, OPTIONAL
 
 TYPES = get_typestore(Stores.ROS2_JAZZY)
 ELBOW = ROOT / "config/elbow.yaml"
-# names that cannot be imported, then a package of ours and its command line
-WITHOUT = """
+# a package of ours and its command line
+COMMAND = """
 import importlib, sys
-missing, package, *words = sys.argv[1:]
-for name in missing.split(","):
-    sys.modules[name] = None
+package, *words = sys.argv[1:]
 sys.exit(importlib.import_module(f"{package}.__main__").main(words))
 """
+# at the start of each Python, also of those that a node starts: names that cannot be imported
+WITHOUT = "import sys\nsys.modules.update(dict.fromkeys({names!r}))\n"
 ZST = b"\x28\xb5\x2f\xfd"  # the first bytes of a file that zstd has packed
 ROS = "rclpy,rosidl_parser,sensor_msgs,std_msgs,diagnostic_msgs"
 NODE = ["--ros-args", "--params-file", str(ELBOW)]
@@ -33,14 +33,16 @@ NODE = ["--ros-args", "--params-file", str(ELBOW)]
 def run(
     missing: str, package: str, *words: object, cache: Path
 ) -> subprocess.CompletedProcess[str]:
+    start = WITHOUT.format(names=missing.split(","))
+    (cache / "sitecustomize.py").write_text(start, encoding="utf-8")
     return subprocess.run(
-        [sys.executable, "-c", WITHOUT, missing, package, *map(str, words)],
+        [sys.executable, "-c", COMMAND, package, *map(str, words)],
         capture_output=True,
         text=True,
         timeout=120,
         check=False,
-        env={"PATH": "/usr/bin:/bin", "HOME": str(cache), "ROS_DOMAIN_ID": "87",
-             "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"},
+        env={"PATH": "/usr/bin:/bin", "HOME": str(cache), "PYTHONPATH": str(cache),
+             "ROS_DOMAIN_ID": "87", "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"},
     )  # fmt: skip
 
 

@@ -30,6 +30,7 @@ from pam_check.fuzz.random_targets import ViolationError
 from pam_check.fuzz.topics_node import Attack, TopicAttacker, is_malformed
 from pam_control import controller_health
 from pam_control.controller_node import ControllerNode
+from pam_demo.commission.ros_port_node import RosPortNode
 from pam_demo.player_node import PlayerNode
 from pam_demo.recorder_node import Recorder
 from pam_driver import driver_diagnostics
@@ -119,6 +120,7 @@ def every_node(folder: Path) -> Iterator[dict[str, Callable[[], Any]]]:
             "TopicAttacker": lambda: TopicAttacker(rig, 0, Attack()),
             "Recorder": recorder,
             "RecordNode": record,
+            "RosPortNode": lambda: RosPortNode(rig, rig.joint_names[0], 0.002),
         }
     port.close()
 

@@ -1,6 +1,7 @@
 """The improved rig file holds ordinary effects beside the causes, and never makes a rig worse."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -115,7 +116,8 @@ def test_the_interval_of_a_parameter_spans_both_fits_and_the_accuracy_of_the_law
     improved = improved_fit(engine.fitter, engine.folds, score, engine.candidates(), written)
     assert improved is not None
     shown, chosen = improved.hypothesis, score.hypothesis
-    form = AnswerForm(engine.fitter, engine.folds, engine.judge)
+    judged = SimpleNamespace(judge=engine.judge)
+    form = AnswerForm(engine.fitter, engine.folds, SimpleNamespace(), judged)
     stated = form.parameters(shown, chosen)["command_delay"]
     first, second = form.intervals(shown), form.intervals(chosen)
     assert set(stated) == {"delay.agonist", "delay.antagonist"}

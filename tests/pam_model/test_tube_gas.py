@@ -11,7 +11,7 @@ from pam_model.robot import RobotValve, Tube
 from pam_model.views.tube_gas import LARGEST_CHANGE, LONGEST_STEP, LOWEST, TubeGas
 
 GAS = Gas()
-VALVE = RobotValve("flow", 2e-9, 1.0, 0.3, 0.005, 0.0, None, None)
+VALVE = RobotValve("flow", 2e-9, 1.0, 0.3, 0.005, 1.0, 0.0, None, None)
 CONDUCTANCE, TUBE, MUSCLE = 1e-9, 6e-6, 1.5e-4
 PERIOD = 0.002
 SUPPLY = 7e5

@@ -214,6 +214,7 @@ def test_every_argument_refuses_what_it_cannot_use(tool, command, tmp_path, capf
 # what else a command needs before it reads its --rig
 BESIDE_A_RIG = {
     "calibrate": [str(ELBOW), "--out", "out"],
+    "commission": ["--out", "out"],
     "diagnose": [str(ELBOW), "--out", "out"],
     "fleet": [".", "--out", "out"],
     "fuzz": ["frames"],

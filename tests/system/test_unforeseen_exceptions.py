@@ -62,6 +62,7 @@ MADE_WITH: dict[str, Callable[[type], Any]] = {
     "Recorder": lambda kind: kind(NoWriter()),
     "ViewerNode": lambda kind: kind("", SimpleNamespace()),
     "PlayerNode": lambda kind: kind(("elbow",)),
+    "RosPortNode": lambda kind: kind(load_rig(ELBOW), "elbow", 0.002),
 }
 PARAMETERS: dict[str, dict[str, object]] = {
     "DriverNode": {

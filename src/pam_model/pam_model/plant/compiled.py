@@ -115,7 +115,7 @@ def _cache_of(function: FunctionType) -> str:
     }
     own.update(";".join(sorted(constants)).encode())
     folder = Path(_CACHE) / own.hexdigest()[:12]
-    folder.mkdir(exist_ok=True)
+    folder.mkdir(parents=True, exist_ok=True)
     return str(folder)
 
 
@@ -190,7 +190,7 @@ def is_on_disk(name: str) -> bool:
     It may be out of date; numba then compiles the entry point again.
     """
     folder = _CACHE or (numba.config.CACHE_DIR if HAVE_NUMBA else "")
-    return bool(folder) and any(Path(folder).glob(f"*/*.{name}-*.nbi"))
+    return bool(folder) and any(Path(folder).rglob(f"*.{name}-*.nbi"))
 
 
 def for_kernel(array: npt.NDArray[Any]) -> Any:

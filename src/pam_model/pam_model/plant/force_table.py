@@ -12,7 +12,6 @@ import math
 
 import numpy as np
 import numpy.typing as npt
-from scipy.interpolate import CubicSpline
 
 from pam_model.errors import DomainError
 from pam_model.muscles.force_model import AffineForceModel, ForceModel
@@ -63,6 +62,8 @@ def make_table(muscle: Muscle, supply_pressure: float) -> tuple[Table, tuple[flo
     rows = [np.asarray(model.volume(lengths), dtype=float)]
     rows += [_pull(model, i * pressure_step, lengths) for i in range(count)]
     step = lengths[1] - lengths[0]
+    from scipy.interpolate import CubicSpline  # noqa: PLC0415  (slow to import, seldom needed)
+
     table = np.empty((len(rows), 2 * LENGTHS))
     for i, row in enumerate(rows):
         table[i, 0::2] = row
