@@ -55,7 +55,7 @@ def test_missed_deadlines_are_skipped_and_the_grid_is_kept() -> None:
     def step(now: float) -> None:
         count(now)
         if len(count.times) == 1:
-            time.sleep(0.105)
+            time.sleep(0.115)
 
     loop = PeriodicLoop(step, 0.02)
     loop.start()
@@ -63,7 +63,25 @@ def test_missed_deadlines_are_skipped_and_the_grid_is_kept() -> None:
     loop.stop()
     assert loop.statistics.skipped >= 5
     # no burst: the second call is on the grid, after the five deadlines that passed
-    assert count.times[1] - count.times[0] >= 0.105
+    assert count.times[1] - count.times[0] >= 0.115
+
+
+def test_a_call_that_ends_a_little_too_late_costs_no_cycle() -> None:
+    """The next one begins at once, by less than half a period late, and the grid is kept."""
+    count = Count(3)
+
+    def step(now: float) -> None:
+        count(now)
+        if len(count.times) == 1:
+            time.sleep(0.22)
+
+    loop = PeriodicLoop(step, 0.2)
+    loop.start()
+    assert count.done.wait(WAIT)
+    loop.stop()
+    assert (loop.statistics.skipped, loop.statistics.late) == (0, 0)
+    assert 0.22 <= count.times[1] - count.times[0] < 0.3
+    assert count.times[2] - count.times[0] >= 0.4
 
 
 def test_exception_ends_the_loop_and_comes_out_of_the_next_call() -> None:

@@ -1,7 +1,8 @@
 """A thread that calls one function at absolute deadlines on the monotonic clock.
 
-A missed deadline is counted and skipped; missed calls are not made up in a burst. Delays do not
-accumulate, since all deadlines lie on the grid of the first one. The thread waits with
+A call that ends a little after the next deadline delays the next call; a deadline that is more than
+half a period ago is counted and skipped, so that missed calls are not made up in a burst. Delays do
+not accumulate, since all deadlines lie on the grid of the first one. The thread waits with
 `time.sleep`, which uses clock_nanosleep, and not with a busy loop, which would take the processor
 from the threads that it waits for. On a busy host a loop keeps its deadlines if the system grants
 it a real-time priority.
@@ -10,6 +11,7 @@ it a real-time priority.
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import threading
 import time
@@ -21,6 +23,7 @@ from typing import Protocol
 from pam_ros.memory_lock import lock_memory
 
 LOWEST_PRIORITY = 1  # the lowest real-time priority
+LATE = 0.5  # periods; a call that begins later is late, and not begun at all if it can be skipped
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +37,7 @@ class LoopStatistics:
     late : int
         Calls that began more than half a period after their deadline.
     skipped : int
-        Deadlines that passed while a call was running.
+        Deadlines that passed, by more than half a period, while a call was running.
     worst_lateness : float
         Largest delay from deadline to call [s].
     priority : int
@@ -253,7 +256,7 @@ class PeriodicLoop:
                 lateness = now - deadline
                 self._cycles += 1
                 self._worst = max(self._worst, lateness)
-                if lateness > 0.5 * period:
+                if lateness > LATE * period:
                     self._late += 1
                 self.busy = True
                 self._step(now)
@@ -261,10 +264,9 @@ class PeriodicLoop:
                 deadline += period + self._shift
                 self._shift = 0.0
                 now = time.monotonic()
-                if now > deadline:
-                    missed = int((now - deadline) / period) + 1
-                    self._skipped += missed
-                    deadline += missed * period
+                missed = max(0, math.ceil((now - deadline) / period - LATE))
+                self._skipped += missed
+                deadline += missed * period
                 # a long period must not delay stop()
                 if deadline - now > 0.1:
                     self._stopping.wait(deadline - now)
