@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 from pam_model.within_limits import beyond, is_at_joint, within
@@ -12,6 +12,7 @@ from pam_model.within_limits import beyond, is_at_joint, within
 LIMITS = st.floats(-1e4, 1e4)
 
 
+@example(2.0**-1023, 2.0**-1022)
 @given(LIMITS, LIMITS)
 def test_rounding_to_single_precision_stays_within(low: float, high: float) -> None:
     assume(low < high)

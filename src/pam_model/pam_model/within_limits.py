@@ -11,13 +11,15 @@ from typing import Final
 
 ROUNDING: Final = 1e-6
 """Relative; sixteen times the rounding of single precision."""
+_SMALLEST: Final = 2.0**-126  # normal number of single precision; those below have fewer digits
 _FEWEST, _MOST = 6, 17
 """Significant digits; 17 show every number of double precision as it is."""
 
 
 def within(value: float, low: float, high: float) -> bool:
     """Whether a number is within [low, high], up to rounding; NaN never is."""
-    rounding = ROUNDING * max(abs(low), abs(high)) if math.isfinite(low - high) else 0.0
+    size = max(abs(low), abs(high))
+    rounding = ROUNDING * max(size, _SMALLEST) if size and math.isfinite(low - high) else 0.0
     return low - rounding <= value <= high + rounding
 
 
