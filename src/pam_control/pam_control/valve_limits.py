@@ -83,10 +83,10 @@ class ValveDemand:
             raise PamError(f"{models.name}: its muscles cannot hold it anywhere")
         self._places = np.array(places)
         table = np.array(rows)  # place, side, number
-        self._sides = [
-            _Side(*table[:, side].T, muscle)  # type: ignore[call-arg]
-            for side, muscle in enumerate(models.muscles)
-        ]
+        self._sides = []
+        for side, muscle in enumerate(models.muscles):
+            pressure, per_torque, per_velocity, volume = table[:, side].T
+            self._sides.append(_Side(pressure, per_torque, per_velocity, volume, muscle))
 
     def share(self, position: Array, velocity: Array, acceleration: Array, jerk: Array) -> Array:
         """Share of the valves' flow that a motion needs [-], of the valve that needs more.
