@@ -77,7 +77,9 @@ COMMANDS_WITHOUT = [
 ]
 """What is missing, and a command that needs it."""
 WITH_ROS = [("cantools", "pam_driver", "node", *NODE), ("control", "pam_control", "node", *NODE)]
-ONE_BY_ONE = pytest.mark.long("the test above takes the same commands where everything is missing")
+ONE_BY_ONE = pytest.mark.long(
+    "the same commands say the same in one process, where everything is missing"
+)
 
 
 def check_sentence(missing: str, said: str) -> None:

@@ -26,7 +26,7 @@ CODEC = BoardCodec.from_dbc()
 
 @pytest.mark.parametrize("name", sorted(set(fuzz.TARGETS) - {"files"}))  # see test_damaged_files
 def test_nothing_escapes(rig, name):
-    assert fuzz.fuzz(rig, name, 3000, 1000) == {}
+    assert fuzz.fuzz(rig, name, 1500, 1000) == {}
 
 
 @settings(max_examples=500, deadline=None)

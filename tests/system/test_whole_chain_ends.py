@@ -75,7 +75,7 @@ def test_without_its_model_the_joint_is_held_and_without_its_controller_vented(s
 
 
 @pytest.mark.long(
-    "the test above ends two of the nodes, test_driver_node and test_faults the others"
+    "two of the nodes are ended in one run; test_driver_node and test_faults end the others"
 )
 @pytest.mark.rerun_because(HOST_STALLS)
 @pytest.mark.parametrize("how", HOW)
