@@ -36,8 +36,6 @@ from .conftest import Maker
 OTHERS = pytest.mark.long(
     "the same friction is named in memory below; no effect and two effects stay here"
 )
-SEARCHED = 9.0
-"""Duration [s] of what a whole search is given, which takes as long as its recording is long."""
 needs_numba = pytest.mark.skipif(not HAVE_NUMBA, reason="a whole search needs the compiled plant")
 
 
@@ -93,8 +91,7 @@ def test_the_gap_is_located(
 def test_effects_are_named(
     rig: Rig, record: Maker, changes: dict[str, float], effects: tuple[str, ...]
 ) -> None:
-    recording = record(changes, duration=SEARCHED)
-    engine = JointDiagnosis(rig, 0, [recording])
+    engine = JointDiagnosis(rig, 0, [record(changes)])
     diagnosis = engine.run()
     assert diagnosis.verdict == ("named" if effects else "none")
     assert engine.evidence is not None
@@ -107,7 +104,7 @@ def test_effects_are_named(
         assert diagnosis.closed is not None
         assert diagnosis.closed.value > 0.95
         assert diagnosis.improved is not None
-        improved = PredictionProblem(diagnosis.improved, 0, [recording])
+        improved = PredictionProblem(diagnosis.improved, 0, [record(changes)])
         left = mean_squares(improved.errors(improved.base.values[None])[0], improved.counted)
         assert (left[:3] < 2.0).all()
 
@@ -118,7 +115,7 @@ def test_a_diagnosis_in_memory_writes_nothing(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     told: list[str] = []
-    recording = record({"coulomb_friction.torque": 0.6}, duration=SEARCHED)
+    recording = record({"coulomb_friction.torque": 0.6})
     (answer,) = pam_gap.diagnose(recording, rig, progress=lambda task, share: told.append(task))
     assert (answer.verdict, answer.effects) == ("named", ("coulomb_friction",))
     assert "coulomb" in answer.sentence.lower()
@@ -207,7 +204,7 @@ def test_without_commands_the_valve_stage_is_left_out(rig: Rig, record: Maker) -
 
 @needs_numba
 def test_without_a_position_the_pressures_are_still_judged(rig: Rig, record: Maker) -> None:
-    recording = without(record({"leakage.conductance": 8e-11}, duration=SEARCHED), "joint_states")
+    recording = without(record({"leakage.conductance": 8e-11}), "joint_states")
     diagnosis = JointDiagnosis(rig, 0, [recording]).run()
     assert "leakage" in diagnosis.effects
 
@@ -216,7 +213,7 @@ def test_without_a_position_the_pressures_are_still_judged(rig: Rig, record: Mak
 def test_command_line_writes_what_the_contract_asks(
     rig: Rig, record: Maker, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    recording = record({"leakage.conductance": 8e-11}, duration=SEARCHED)
+    recording = record({"leakage.conductance": 8e-11})
     table = tmp_path / "recording.csv.gz"
     pd.DataFrame({"time": recording.time, **recording.values}).to_csv(table, index=False)
     save_rig(rig, tmp_path / "rig.yaml")

@@ -70,7 +70,7 @@ def test_wrong_lengths_are_not_named_as_an_offset(rig: Rig, record: Maker) -> No
         for name, f in zip(lengths, factors, strict=True)
         if written[name] != 0.0
     }
-    (answer,) = pam_gap.diagnose(record(changes, duration=9.0), loose, threads=1)
+    (answer,) = pam_gap.diagnose(record(changes), loose, threads=1)
     assert "position_offset" not in answer.effects
     assert answer.cause_probabilities.get("position_offset", 0.0) < 0.5
     assert answer.verdict == "none" or answer.cautions

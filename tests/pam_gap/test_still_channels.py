@@ -26,12 +26,10 @@ LARGE = 1e9
 """kg m^2: an inertia that holds the joint of the simulated truth."""
 
 
-def held(
-    record: Maker, noise: float = 0.0, *, duration: float = 14.0, **effects: float
-) -> Recording:
+def held(record: Maker, noise: float = 0.0, **effects: float) -> Recording:
     """Both muscles at constant length, with load cells; the position is a column of one value."""
     changes = {"joint.inertia": LARGE, "joint.viscous_friction": 100.0 * LARGE, **effects}
-    recording = record(changes, cells=True, duration=duration)
+    recording = record(changes, cells=True)
     flicker = np.random.default_rng(2).standard_normal(recording.time.size)
     values = {**recording.values, POSITION_NAME: noise * flicker}
     return replace(recording, values=values)
@@ -103,8 +101,7 @@ def test_nothing_of_the_joint_is_named_for_muscles_at_constant_length(
     rig: Rig, record: Maker
 ) -> None:
     """They were said to have Coulomb friction that closes 100 % of the gap."""
-    locked = replace(held(record, duration=9.0), mounting=LOCKED)
-    (answer,) = pam_gap.diagnose(locked, rig)
+    (answer,) = pam_gap.diagnose(replace(held(record), mounting=LOCKED), rig)
     assert answer.verdict == "none"
     assert answer.effects == ()
     assert POSITION_NAME not in answer.gap
