@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pam_control.compensation.dry_friction import DryFriction
+from pam_control.compensation.dry_friction import JointFriction
 from pam_control.feedback.supply_reservoir import SupplyReservoir
 from pam_control.joint_models import JointModels
 from pam_control.joint_scale import JointScale
@@ -240,14 +240,14 @@ ARGUMENTS: dict[str, Callable[[Robot], Any]] = {
     "stiffnesses": lambda robot: (8.0, 14.0),
     "muscles": lambda robot: robot.muscles[:2],
     "pulley_radius": lambda robot: robot.joints[0].arms[0].length,
-    "friction": lambda robot: DryFriction.from_joint(robot.joints[0]),
+    "friction": lambda robot: JointFriction.from_joint(robot.joints[0]),
     "model": statics_of,
     "gas_space": lambda robot: statics_of(robot).agonist,
     "reservoir": SupplyReservoir,
     "models": lambda robot: JointModels.of(robot, robot.joints[0], 5e3),
     "dynamics": lambda robot: InverseDynamics.from_joint(robot.joints[0]),
     "scale": lambda robot: JointScale.of(robot.joints[0], statics_of(robot)),
-    "dry_friction": lambda robot: DryFriction.from_joint(robot.joints[0]),
+    "dry_friction": lambda robot: JointFriction.from_joint(robot.joints[0]),
     "pressure_lag": lambda robot: 0.01,
 }
 """Arguments by their names; each list has its order from the robot."""

@@ -12,7 +12,7 @@ from pam_gap.inference.decision import Decision, Judge
 from pam_gap.inference.named_effects import named_effects
 from pam_gap.inference.probabilities import agreed, cause_probabilities, probabilities
 from pam_gap.inference.score import Score
-from pam_gap.inference.search import Search
+from pam_gap.inference.search import CandidateSearch
 from pam_gap.prediction.fit import mean_squares
 from pam_gap.prediction.lever_arm import LeverArm
 from pam_gap.rules import DEFAULT
@@ -285,10 +285,12 @@ def test_a_background_is_no_pair_of_causes(rig: Rig, record: Maker) -> None:
     amounts = {path: 0.5 * size for _, paths, size in sizes for path in paths}
     volumes = {f"{side}.dead_volume": 6e-5 for side in ("agonist", "antagonist")}
     engine = with_few(JointDiagnosis(rig, 0, [record(amounts | volumes)]))
-    result = Search(engine.fitter, engine.candidates()).singles()
+    result = CandidateSearch(engine.fitter, engine.candidates()).singles()
     assert not engine.has_no_background(result)
     without = with_few(JointDiagnosis(rig, 0, [record(volumes)]))
-    assert without.has_no_background(Search(without.fitter, without.candidates()).singles())
+    assert without.has_no_background(
+        CandidateSearch(without.fitter, without.candidates()).singles()
+    )
 
 
 @needs_numba

@@ -72,7 +72,7 @@ PORT_VOLUME = 5e-7  # m^3, between valve and tube
 LUMPS = 4
 
 
-class Muscle(NamedTuple):
+class SecondMuscle(NamedTuple):
     """Numbers of one muscle, its valve and its tube, as the laws need them (SI units)."""
 
     thread_length: float
@@ -170,7 +170,7 @@ def line_resistance(flow: float, density: float, diameter: float) -> float:
 
 
 @compiled
-def thread(m: Muscle, gauge: float, length: float) -> float:
+def thread(m: SecondMuscle, gauge: float, length: float) -> float:
     """Length of a thread under the tension that the gauge pressure gives it [m]."""
     b = m.thread_length
     if m.yarn <= 0.0 or gauge <= 0.0:
@@ -183,7 +183,7 @@ def thread(m: Muscle, gauge: float, length: float) -> float:
 
 
 @compiled
-def braid_volume(m: Muscle, b: float, length: float) -> float:
+def braid_volume(m: SecondMuscle, b: float, length: float) -> float:
     """Volume inside the braid [m^3]: a cylinder, less what its tapered ends lack."""
     volume = length * (b * b - length * length) / (4.0 * math.pi * m.turns**2)
     if m.taper > 0.0:
@@ -195,7 +195,7 @@ def braid_volume(m: Muscle, b: float, length: float) -> float:
 
 
 @compiled
-def gas_volume(m: Muscle, gauge: float, length: float) -> tuple[float, float, float]:
+def gas_volume(m: SecondMuscle, gauge: float, length: float) -> tuple[float, float, float]:
     """Gas volume [m^3], and its derivatives by length [m^2] and by pressure [m^3/Pa]."""
     here = braid_volume(m, thread(m, gauge, length), length)
     d = 1e-6
@@ -209,7 +209,7 @@ def gas_volume(m: Muscle, gauge: float, length: float) -> tuple[float, float, fl
 
 
 @compiled
-def ogden_pull(m: Muscle, length: float) -> float:
+def ogden_pull(m: SecondMuscle, length: float) -> float:
     """Pull of an incompressible bladder that follows the braid [N]."""
     b, rest = m.thread_length, m.rest_length
     along = length / rest
@@ -227,13 +227,13 @@ def ogden_pull(m: Muscle, length: float) -> float:
 
 @compiled
 def pull(
-    m: Muscle, gauge: float, length: float, hysteresis: float, crept: float, start: float
+    m: SecondMuscle, gauge: float, length: float, hysteresis: float, crept: float, start: float
 ) -> float:
     """Pull of a muscle [N], never below 0.
 
     Parameters
     ----------
-    m : Muscle
+    m : SecondMuscle
     gauge : float
         Pa.
     length, start : float
@@ -265,7 +265,7 @@ def pull(
 
 
 @compiled
-def hysteresis_rate(m: Muscle, state: float, speed: float) -> float:
+def hysteresis_rate(m: SecondMuscle, state: float, speed: float) -> float:
     """Rate of the Bouc-Wen state [1/s] at a rate of the length [m/s]."""
     if m.rub <= 0.0:
         return 0.0
@@ -276,7 +276,7 @@ def hysteresis_rate(m: Muscle, state: float, speed: float) -> float:
 
 
 @compiled
-def cable_tension(m: Muscle, stretch: float) -> float:
+def cable_tension(m: SecondMuscle, stretch: float) -> float:
     """Tension of the cable [N]; a slack one has none."""
     if stretch <= 0.0:
         return 0.0
@@ -284,7 +284,7 @@ def cable_tension(m: Muscle, stretch: float) -> float:
 
 
 @compiled
-def heat_flow(m: Muscle, pressure: float, gas: float, wall: float, ambient: float) -> float:
+def heat_flow(m: SecondMuscle, pressure: float, gas: float, wall: float, ambient: float) -> float:
     """Heat from the wall into the gas [W]."""
     share = math.sqrt(pressure * gas / (HEAT_PRESSURE * ambient))
     return m.heat * share * (wall - gas)

@@ -156,7 +156,7 @@ class SupplyWander(NamedTuple):
 
 
 @dataclass
-class Excitation:
+class PressureExcitation:
     """Pressure references, and the gains of the control loop."""
 
     level: Array  # (n,) mean of both pressures [Pa]
@@ -584,7 +584,7 @@ def slow_noise(
 def run_truth(
     joint: TruthJoint,
     muscles: tuple[TruthMuscle, TruthMuscle],
-    excitation: Excitation,
+    excitation: PressureExcitation,
     sensors: Sensors,
     generator: np.random.Generator,
     *,
@@ -597,7 +597,7 @@ def run_truth(
     ----------
     joint, muscles : TruthJoint, (TruthMuscle, TruthMuscle)
         Agonist first.
-    excitation : Excitation
+    excitation : PressureExcitation
         References of n samples and the loop's gains.
     sensors : Sensors
         Noise and quantisation of the sensors.

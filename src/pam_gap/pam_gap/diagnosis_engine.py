@@ -17,6 +17,7 @@ from pam_gap.inference.candidates import Candidate, applicable, candidates_for
 from pam_gap.inference.clean_rig import is_clean
 from pam_gap.inference.decide import Verdict, close_calls, decide, judge_of
 from pam_gap.inference.decision import Decision, Judge
+from pam_gap.inference.discrepancy_model import explain_leftover
 from pam_gap.inference.evidence import Evidence
 from pam_gap.inference.excitation import not_shown
 from pam_gap.inference.held_out import (
@@ -30,13 +31,12 @@ from pam_gap.inference.held_out import (
 from pam_gap.inference.hypothesis import FitTask, Hypothesis, HypothesisFitter
 from pam_gap.inference.improved_fit import improved_fit
 from pam_gap.inference.loose_lengths import LooseLengths, loose_lengths
-from pam_gap.inference.search import Progress, Search, SearchResult, level, silent
+from pam_gap.inference.search import CandidateSearch, Progress, SearchResult, level, silent
 from pam_gap.inference.search_growth import GrowthStep, grows
-from pam_gap.inference.unknown_test import explain_leftover
 from pam_gap.inference.unlisted import UnlistedFitter
 from pam_gap.inference.verdict import has_gap
 from pam_gap.prediction.channel_order import BOTH_FORCES, POSITION
-from pam_gap.prediction.fit import FitResult
+from pam_gap.prediction.fit import PlantFit
 from pam_gap.prediction.gap_figures import noise_level
 from pam_gap.prediction.identifiable import cautions, small_motion, what_is_missing
 from pam_gap.prediction.locate import Location, locate
@@ -108,7 +108,7 @@ class JointDiagnosis:
         errors = self.problem.errors(self.problem.base.values[None])[0]
         both = self.folds.rows[0] | self.folds.rows[1]
         sums, counts = block_sums(errors, self.folds, both)
-        result = FitResult(np.zeros(0), errors, 0.0, np.zeros((*errors.shape, 0)), 0)
+        result = PlantFit(np.zeros(0), errors, 0.0, np.zeros((*errors.shape, 0)), 0)
         mean = sums.sum(0) / np.maximum(counts.sum(0), 1.0)
         return HeldOut.of(Hypothesis((), result, mean), sums, counts)
 
@@ -172,7 +172,7 @@ class JointDiagnosis:
         self.causes = self.far_beyond()
         if self.causes:
             self.fitter.without_background()
-        search = Search(self.fitter, self.candidates(), self.progress)
+        search = CandidateSearch(self.fitter, self.candidates(), self.progress)
         result = search.singles()
         if self.has_no_background(result):
             self.fitter.without_background()
@@ -193,7 +193,7 @@ class JointDiagnosis:
         share = partial(self.judge.share_of, background=whole)
         return is_clean(self.fitter, result.nominal, result.by_size[0], share)
 
-    def _goes_on(self, search: Search, result: SearchResult) -> bool:
+    def _goes_on(self, search: CandidateSearch, result: SearchResult) -> bool:
         """Whether one more effect is sought; the decision is kept as evidence."""
         best = result.by_size[-1][0]
         size = len(result.by_size)

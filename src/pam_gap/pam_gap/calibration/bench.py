@@ -22,11 +22,11 @@ from pam_gap.calibration.free_numbers import (
     ORDINARY_VALVE,
     SENSORS,
     STATICS,
-    FreeNumber,
+    FreeRigNumber,
     Said,
     free_numbers,
 )
-from pam_gap.calibration.staged_fit import Stage, fit_stage, fit_together
+from pam_gap.calibration.staged_fit import FitStage, fit_stage, fit_together
 from pam_gap.inference.search import Progress, silent
 from pam_gap.prediction.channel_order import AGONIST_FORCE, AGONIST_PRESSURE, UNITS
 from pam_gap.prediction.directions import Direction, cross_phase, valve_phase
@@ -132,7 +132,7 @@ def _turned(rig: Rig, length: Array) -> Array:
     return result
 
 
-def _of_the_muscle(numbers: Sequence[FreeNumber]) -> tuple[FreeNumber, ...]:
+def _of_the_muscle(numbers: Sequence[FreeRigNumber]) -> tuple[FreeRigNumber, ...]:
     """The numbers of the muscle itself; the zero of its length is where it is measured."""
     return tuple(
         one if not one.others else replace(one, others=())
@@ -232,10 +232,10 @@ def calibrate_bench_muscle(
     vector = problem.base.values.copy()
     for one in numbers:
         vector[INDEX[one.name]] = one.free.centre
-    steps = [Stage(STATICS, (STATICS, SENSORS, ORDINARY_BODY), (AGONIST_FORCE,), ALONG_BOTH)]
+    steps = [FitStage(STATICS, (STATICS, SENSORS, ORDINARY_BODY), (AGONIST_FORCE,), ALONG_BOTH)]
     if problem.has_commands:
         of_gas = (GAS, SENSORS, ORDINARY_VALVE)
-        steps.append(Stage(GAS, of_gas, (AGONIST_PRESSURE,), ALONG_LENGTH))
+        steps.append(FitStage(GAS, of_gas, (AGONIST_PRESSURE,), ALONG_LENGTH))
     for place, stage in enumerate(steps):
         progress(f"stage: {stage.name}", 0.1 + 0.2 * place)
         vector, result.stage_errors[stage.name] = fit_stage(problem, stage, numbers, vector, rules)

@@ -20,7 +20,7 @@ from pam_gap.calibration.free_numbers import (
     ORDINARY_VALVE,
     SENSORS,
     STATICS,
-    FreeNumber,
+    FreeRigNumber,
     Said,
     free_numbers,
 )
@@ -94,7 +94,7 @@ def first_numbers(
 
 def first_plant(
     problem: PredictionProblem, partial: PartialRig, said: Said, rules: CalibrationRules
-) -> tuple[tuple[FreeNumber, ...], Array]:
+) -> tuple[tuple[FreeRigNumber, ...], Array]:
     """The free numbers, and the plant with the first numbers of the regressions.
 
     Parameters
@@ -110,7 +110,7 @@ def first_plant(
 
     Returns
     -------
-    numbers : tuple of FreeNumber
+    numbers : tuple of FreeRigNumber
         What a calibration may change.
     vector : ndarray, shape (n_parameters,)
         The plant from which the first stage begins.
@@ -131,7 +131,7 @@ def first_plant(
 
 
 @dataclass(frozen=True, slots=True)
-class Stage:
+class FitStage:
     """One stage: which numbers it finds, from which channels, with which inputs measured."""
 
     name: str
@@ -140,22 +140,22 @@ class Stage:
     settings: PredictionSettings
 
 
-def stages(problem: PredictionProblem) -> tuple[Stage, ...]:
+def stages(problem: PredictionProblem) -> tuple[FitStage, ...]:
     """The stages that the recorded channels permit."""
     found = []
     pressures = tuple(range(N_CHANNELS))[BOTH_PRESSURES]
     if problem.has_commands and problem.recorded[POSITION]:
-        found.append(Stage(GAS, (GAS, SENSORS, ORDINARY_VALVE), pressures, GAS_SETTINGS))
+        found.append(FitStage(GAS, (GAS, SENSORS, ORDINARY_VALVE), pressures, GAS_SETTINGS))
     if problem.recorded[POSITION]:
         others = tuple(c for c in range(N_CHANNELS) if c not in pressures)
-        found.append(Stage(BODY, (STATICS, BODY, SENSORS, ORDINARY_BODY), others, BODY_SETTINGS))
+        found.append(FitStage(BODY, (STATICS, BODY, SENSORS, ORDINARY_BODY), others, BODY_SETTINGS))
     return tuple(found)
 
 
 def fit_stage(
     problem: PredictionProblem,
-    stage: Stage,
-    numbers: Sequence[FreeNumber],
+    stage: FitStage,
+    numbers: Sequence[FreeRigNumber],
     vector: Array,
     rules: CalibrationRules,
 ) -> tuple[Array, tuple[float, float]]:
@@ -167,9 +167,9 @@ def fit_stage(
     ----------
     problem : PredictionProblem
         The recordings.
-    stage : Stage
+    stage : FitStage
         One of `stages`.
-    numbers : sequence of FreeNumber
+    numbers : sequence of FreeRigNumber
         All free numbers.
     vector : ndarray, shape (n_parameters,)
         The plant before.
@@ -224,7 +224,7 @@ class JointFit:
 
 def fit_together(
     problem: PredictionProblem,
-    numbers: Sequence[FreeNumber],
+    numbers: Sequence[FreeRigNumber],
     vector: Array,
     rules: CalibrationRules,
 ) -> JointFit:

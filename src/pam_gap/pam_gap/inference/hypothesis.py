@@ -20,9 +20,9 @@ from pam_gap.inference.candidates import (
 from pam_gap.prediction.channel_order import N_CHANNELS
 from pam_gap.prediction.fit import (
     Array,
-    FitResult,
     FitSteps,
     FreeParameter,
+    PlantFit,
     Scaling,
     Slopes,
     fit_steps,
@@ -51,14 +51,14 @@ class Hypothesis:
     ----------
     members : tuple of Candidate
         The effects; empty for the re-tuned nominal plant.
-    result : FitResult
+    result : PlantFit
         Nuisance parameters first, then the parameters of each effect in order.
     mean_square : ndarray, shape (channels,)
         J_c over all counted rows.
     """
 
     members: tuple[Candidate, ...]
-    result: FitResult
+    result: PlantFit
     mean_square: Array
 
     @property
@@ -270,10 +270,10 @@ class HypothesisFitter:
                 hypotheses.append(Hypothesis(task.members, result, mean))
         return hypotheses
 
-    def _without_fit(self) -> FitResult:
+    def _without_fit(self) -> PlantFit:
         """The rig as written, for a hypothesis without free parameters."""
         errors = self.problem.errors(self.problem.base.values[None])[0]
-        return FitResult(np.zeros(0), errors, 0.0, np.zeros((*errors.shape, 0)), 0)
+        return PlantFit(np.zeros(0), errors, 0.0, np.zeros((*errors.shape, 0)), 0)
 
     def _fit_steps(self, task: FitTask) -> tuple[Callable[[Array], Array], FitSteps] | None:
         """The fit of a hypothesis and its lanes' full vectors; None without free parameters."""
