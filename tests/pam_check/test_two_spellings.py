@@ -27,6 +27,7 @@ from pam_control.compensation.dry_friction import JointFriction
 from pam_control.feedback.supply_reservoir import SupplyReservoir
 from pam_control.joint_models import JointModels
 from pam_control.joint_scale import JointScale
+from pam_control.rows.muscle_table import MuscleTable
 from pam_control.settings import ControlSettings
 from pam_driver.boards.protocol import NEVER, Sample
 from pam_driver.driver_settings import DriverSettings
@@ -262,6 +263,7 @@ OF_CONSUMER: dict[str, dict[str, Callable[[Robot], Any] | None]] = {
     },
     "PressureLoops": {
         "joints": lambda robot: [JointModels.of(robot, joint, 5e3) for joint in robot.joints],
+        "table": MuscleTable.of,
         "numbers": lambda robot: for_kernel(joint_numbers(robot)),
     },
     "operating_point": {"pressures": lambda robot: (2e5, 1.5e5)},
@@ -393,7 +395,7 @@ def test_the_driver_safety_and_the_views_are_among_the_consumers() -> None:
         "ExhaustWatch",
         "JointEstimator",
         "JointSpeedWatch",
-        "Lowering",
+        "LoweringSetpoints",
         "PressurePlausibility",
         "exhaust_timeout",
         "filling_rate",

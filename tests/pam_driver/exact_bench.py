@@ -12,9 +12,9 @@ from pam_driver.boards.pam_board.codec import (
     BoardCodec,
     BoardCommand,
     BoardFault,
-    BoardSample,
     BoardState,
     Heartbeat,
+    Measurement,
     Status,
     ValveCommand,
 )
@@ -129,7 +129,7 @@ class ExactBench:
         self.port.waiting.append(ReceivedFrame(frame_id, data, stamp))
 
     def hear_all(self, board: int) -> None:
-        self.hear(board, BoardSample(self.pressures, self.position, self.counter))
+        self.hear(board, Measurement(self.pressures, self.position, self.counter))
         self.hear(
             board, Status(self.state, BoardFault(0), self.port.counters.get(board, 0), SUPPLY, 0)
         )

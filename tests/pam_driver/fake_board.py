@@ -10,10 +10,10 @@ from pam_driver.boards.pam_board.codec import (
     BoardCodec,
     BoardCommand,
     BoardFault,
-    BoardSample,
     BoardState,
     FrameError,
     Heartbeat,
+    Measurement,
     Status,
     ValveCommand,
 )
@@ -81,7 +81,7 @@ class FakeBoard:
         if not self.counter_frozen:
             self._counter = (self._counter + 1) & 0xFF
         pressures = (self.pressures[0], self.pressures[1])
-        self._send(BoardSample(pressures, self.position, self._counter), 0.0, now)
+        self._send(Measurement(pressures, self.position, self._counter), 0.0, now)
         heard = self._heard or 0
         if self.state is not self._told:
             self._told = self.state
@@ -90,7 +90,7 @@ class FakeBoard:
         self._send(status, 0.02, now)
         self._send(Heartbeat(self.uptime, self.protocol_version, 1), 0.1, now)
 
-    def _send(self, message: BoardSample | Status | Heartbeat, period: float, now: float) -> None:
+    def _send(self, message: Measurement | Status | Heartbeat, period: float, now: float) -> None:
         kind = type(message)
         if kind in self.silent or now - self._sent.get(kind, -math.inf) < period - 1e-6:
             return

@@ -9,9 +9,9 @@ import pytest
 from pam_driver.boards.pam_board.codec import (
     PROTOCOL_VERSION,
     BoardFault,
-    BoardSample,
     BoardState,
     Heartbeat,
+    Measurement,
     Status,
 )
 from pam_driver.boards.pam_board.monitor import BoardMonitor
@@ -21,8 +21,8 @@ from pam_driver.boards.protocol import Condition, Sample
 TIMEOUT, SENSOR_TIMEOUT = 0.5, 0.25
 
 
-def measurement(counter: int, position: float = 0.1) -> BoardSample:
-    return BoardSample((1e5, 2e5), position, counter)
+def measurement(counter: int, position: float = 0.1) -> Measurement:
+    return Measurement((1e5, 2e5), position, counter)
 
 
 def status(
@@ -56,7 +56,7 @@ def test_samples_keep_both_times(board: BoardMonitor) -> None:
 
 
 def test_a_value_that_is_not_available_leaves_the_one_before(board: BoardMonitor) -> None:
-    board.hear_measurement(BoardSample((math.nan, 3e5), math.nan, 101), 8.002, 1008.002)
+    board.hear_measurement(Measurement((math.nan, 3e5), math.nan, 101), 8.002, 1008.002)
     assert list(board.pressures.values()) == [
         Sample(1e5, 8.0, 1008.0),
         Sample(3e5, 8.002, 1008.002),

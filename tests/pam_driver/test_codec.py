@@ -17,7 +17,6 @@ from pam_driver.boards.pam_board.codec import (
     BoardCodec,
     BoardCommand,
     BoardFault,
-    BoardSample,
     BoardState,
     DbcError,
     EncodeError,
@@ -26,6 +25,7 @@ from pam_driver.boards.pam_board.codec import (
     FrameLengthError,
     FrameRangeError,
     Heartbeat,
+    Measurement,
     SafetyInput,
     Status,
     UnknownFrameError,
@@ -53,7 +53,7 @@ MESSAGES = st.one_of(
         st.booleans(),
         st.booleans(),
     ),
-    st.builds(BoardSample, st.tuples(PRESSURE, PRESSURE), POSITION, BYTE),
+    st.builds(Measurement, st.tuples(PRESSURE, PRESSURE), POSITION, BYTE),
     st.builds(
         Status,
         st.sampled_from(BoardState),
@@ -84,7 +84,7 @@ def signals_of(message: Any) -> dict[str, float]:
             "ReleaseBrake": message.release_brake,
             "CloseDump": message.close_dump,
         }
-    if isinstance(message, BoardSample):
+    if isinstance(message, Measurement):
         return {
             "Pressure0": message.pressures[0],
             "Pressure1": message.pressures[1],
@@ -252,7 +252,7 @@ def test_a_board_that_cannot_be_is_not_addressed(board: int) -> None:
 
 def test_layout_in_bytes() -> None:
     """The layout as docs/can_protocol.md says it, by hand."""
-    _, data = CODEC.encode(2, BoardSample((150_000.0, 0.0), -1.5, 9))
+    _, data = CODEC.encode(2, Measurement((150_000.0, 0.0), -1.5, 9))
     assert data[:4] == struct.pack("<HH", 12_500, 5_000)
     assert data[4:7] == (-1_500_000).to_bytes(3, "little", signed=True)
     assert data[7] == 9
@@ -261,7 +261,7 @@ def test_layout_in_bytes() -> None:
 BAD_DBC = {
     "no message": (
         lambda text: text.replace("BO_ 384 Measurement", "BO_ 384 Other"),
-        "BoardSample",
+        "Measurement",
     ),
     "no signal": (lambda text: text.replace(" Position ", " Angle "), "Position is missing"),
     "bar": (lambda text: text.replace('[-100000|1210680] "Pa"', '[-100000|1210680] "bar"'), "bar"),

@@ -12,9 +12,9 @@ import pytest
 from pam_driver.boards.pam_board.codec import (
     BoardCodec,
     BoardFault,
-    BoardSample,
     BoardState,
     Heartbeat,
+    Measurement,
     Status,
     ValveCommand,
 )
@@ -147,7 +147,7 @@ def test_activation_names_the_missing_board(bench: Bench) -> None:
 
 
 def stop_board(bench: Bench) -> None:
-    bench.board.silent = {BoardSample, Status, Heartbeat}
+    bench.board.silent = {Measurement, Status, Heartbeat}
 
 
 def stop_heartbeat(bench: Bench) -> None:
@@ -155,7 +155,7 @@ def stop_heartbeat(bench: Bench) -> None:
 
 
 def stop_measurement(bench: Bench) -> None:
-    bench.board.silent = {BoardSample}
+    bench.board.silent = {Measurement}
 
 
 def freeze_counter(bench: Bench) -> None:
@@ -379,7 +379,7 @@ def test_a_lost_frame_or_two_are_no_fault(bench: Bench) -> None:
 
 def test_frames_out_of_order_are_not_used(bench: Bench) -> None:
     bench.step(0.1)
-    old = bench.codec.encode(0, BoardSample((1e5, 1e5), 0.3, (bench.board._counter - 2) & 0xFF))
+    old = bench.codec.encode(0, Measurement((1e5, 1e5), 0.3, (bench.board._counter - 2) & 0xFF))
     bench.board_port.send(*old, bench.now)
     snapshot = bench.driver.cycle(bench.now, 0.0)
     assert snapshot.positions == (0.0,)

@@ -12,7 +12,7 @@ from pam_driver.boards.pam_board.codec import (
     BoardCode,
     BoardCodec,
     BoardCommand,
-    BoardSample,
+    Measurement,
     ValveCommand,
 )
 from pam_driver.can_bus.bus import ReceivedFrame, SendOutcome
@@ -143,7 +143,7 @@ def test_the_age_of_a_frame(stamped: float, age: float, bench: ExactBench) -> No
     bench.step(8)
     bench.now += TICK
     stamp = bench.wall + stamped
-    bench.hear(0, BoardSample((0.0, 0.0), 0.25, bench.counter + 1), stamp)
+    bench.hear(0, Measurement((0.0, 0.0), 0.25, bench.counter + 1), stamp)
     bench.driver.cycle(bench.now, bench.wall)
     position = bench.driver.boards[0].position
     assert (position.value, position.time, position.stamp) == (0.25, bench.now - age, stamp)
@@ -226,7 +226,7 @@ def test_a_measurement_stamped_in_the_future_grows_old_like_any_other(bench: Exa
     """A clock that was set back must not keep a dead sensor fresh."""
     bench.step(8)
     bench.now += TICK
-    bench.hear(0, BoardSample((1e5, 2e5), 0.125, bench.counter + 1), bench.wall + 3600.0)
+    bench.hear(0, Measurement((1e5, 2e5), 0.125, bench.counter + 1), bench.wall + 3600.0)
     assert bench.driver.cycle(bench.now, bench.wall).pressures == (1e5, 2e5)
     silent = round(SETTINGS.sensor_timeout / TICK) + 1
     snapshot = bench.step(silent, silent=True)

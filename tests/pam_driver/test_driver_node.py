@@ -22,8 +22,8 @@ from pam_driver.boards.pam_board.codec import (
     BoardCode,
     BoardCodec,
     BoardFault,
-    BoardSample,
     BoardState,
+    Measurement,
 )
 from pam_driver.boards.pam_board.dbc import default_dbc_path
 from support.reruns import EMULATED, HOST_STALLS
@@ -212,7 +212,7 @@ def test_a_moving_driver_refuses_simulated_time_and_its_measurements_grow_old(
     assert not answer.successful
     assert "use_sim_time" in answer.reason
     assert bench.board.air[0] > 0.2
-    bench.board.silent = {BoardSample}
+    bench.board.silent = {Measurement}
     bench.peer.until(bench.vented, "the stop")
     bench.peer.until(lambda: BoardFault.HOST in bench.board.faults, "a latched fault")
 
@@ -436,6 +436,6 @@ def test_candump_shows_the_driver_s_frames(make_bench: Callable[[str], Bench]) -
         frame_id, _, data = line.split()[2].partition("#")
         message = database.get_message_by_frame_id(int(frame_id, 16))
         seen[message.name] = message.decode(bytes.fromhex(data))
-    assert seen["BoardSample"]["Pressure0"] == 150_000
+    assert seen["Measurement"]["Pressure0"] == 150_000
     assert seen["ValveCommand"]["Valve0"] == pytest.approx(0.25, abs=2e-5)
     assert str(seen["ValveCommand"]["Enable0"]) == "enable"

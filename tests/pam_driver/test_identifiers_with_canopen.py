@@ -14,9 +14,9 @@ from pam_driver.boards.identifier_clashes import canopen_use
 from pam_driver.boards.pam_board.codec import (
     BoardCodec,
     BoardCommand,
-    BoardSample,
     DbcError,
     Heartbeat,
+    Measurement,
     Status,
     ValveCommand,
     default_dbc_path,
@@ -32,7 +32,7 @@ from support.rigs import CONFIG
 from .simulated_robot import Robot
 
 NUMBER = 1  # of the board, and of the CANopen node: all their identifiers would be equal
-MESSAGES = (BoardCommand, ValveCommand, BoardSample, Status, Heartbeat)
+MESSAGES = (BoardCommand, ValveCommand, Measurement, Status, Heartbeat)
 
 
 def shared_rig(**changes: Any) -> Rig:

@@ -8,7 +8,7 @@ import pytest
 
 from pam_driver.boards.availability import Availability
 from pam_driver.boards.pam_board.codec import BoardCodec
-from pam_driver.boards.pam_board.messages import BoardSample
+from pam_driver.boards.pam_board.messages import Measurement
 from pam_driver.boards.protocol import MuscleWire, WiredBoard
 from pam_driver.boards.samples import ANGLE_INPUT, PRESSURE_INPUT, Samples
 from pam_driver.safety.states import SafetyState
@@ -23,7 +23,7 @@ EMPTY = (math.nan, math.nan)
 
 def stranger(bench: Bench, pressures: tuple[float, float], position: float) -> None:
     """A frame under the identifier of the board, with the counter that is its turn or any other."""
-    message = BoardSample(pressures, position, (bench.board._counter + 1) & 0xFF)
+    message = Measurement(pressures, position, (bench.board._counter + 1) & 0xFF)
     bench.board.port.send(*bench.codec.encode(0, message), bench.now)
 
 

@@ -19,7 +19,7 @@ import pytest
 pytest.importorskip("rclpy")
 
 from pam_driver.boards.pam_board.codec import BoardCodec, BoardFault, BoardState, Status
-from pam_driver.boards.pam_board.messages import BoardSample, SafetyInput
+from pam_driver.boards.pam_board.messages import Measurement, SafetyInput
 from pam_driver.boards.protocol import EMERGENCY_STOP, ENABLING_SWITCH, Condition
 from pam_driver.can_bus.bus import BusState, ReceivedFrame, SendOutcome
 from pam_driver.driver import Driver
@@ -218,7 +218,7 @@ def test_an_input_of_a_board_that_forbids_in_one_frame_acts_each_time(
 def frame(bench: Bench, pressure: float, angle: float) -> None:
     """A measurement between two of the board."""
     bench.board._counter = (bench.board._counter + 1) & 0xFF
-    message = BoardSample((pressure, 0.0), angle, bench.board._counter)
+    message = Measurement((pressure, 0.0), angle, bench.board._counter)
     bench.board.port.send(*bench.codec.encode(0, message), bench.now)
 
 

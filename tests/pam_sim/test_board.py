@@ -12,9 +12,9 @@ from pam_driver.boards.pam_board.codec import (
     BoardCodec,
     BoardCommand,
     BoardFault,
-    BoardSample,
     BoardState,
     Heartbeat,
+    Measurement,
     Status,
     ValveCommand,
 )
@@ -233,7 +233,7 @@ def test_a_lost_sensor_is_told_and_vents():
     bench.pressures = (math.nan, 1e5)
     bench.wait(0.01)
     assert bench.board.faults == BoardFault.SENSOR
-    assert math.isnan(bench.last(BoardSample).pressures[0])
+    assert math.isnan(bench.last(Measurement).pressures[0])
     assert bench.board.valve_commands == VENTED
 
 
@@ -243,10 +243,10 @@ def test_rates_counters_and_news_at_once():
     bench.wait(1.0)
     counts = {
         kind: sum(isinstance(message, kind) for _, _, message in bench.heard)
-        for kind in (BoardSample, Status, Heartbeat)
+        for kind in (Measurement, Status, Heartbeat)
     }
-    assert counts == {BoardSample: 500, Status: 50, Heartbeat: 10}
-    counters = [m.counter for _, _, m in bench.heard if isinstance(m, BoardSample)]
+    assert counts == {Measurement: 500, Status: 50, Heartbeat: 10}
+    counters = [m.counter for _, _, m in bench.heard if isinstance(m, Measurement)]
     assert all((b - a) % 256 == 1 for a, b in itertools.pairwise(counters))
     bench.command(enable=(False, False))
     bench.command()
@@ -277,7 +277,7 @@ def test_readings_beyond_the_converters_saturate():
     bench = Bench()
     bench.pressures, bench.position = (5e6, -5e6), 100.0
     bench.wait(0.01)
-    assert bench.last(BoardSample).pressures == pytest.approx((1.2e6, -1e5))
+    assert bench.last(Measurement).pressures == pytest.approx((1.2e6, -1e5))
 
 
 @pytest.mark.parametrize(
@@ -296,4 +296,4 @@ def test_every_turn_has_its_measurement_however_long_it_runs():
     for turn in range(20_000):
         frames = board.poll(start + turn * 0.002, (1e5, 1e5), (0.25,), 7e5)
         told = [codec.decode(*frame)[-1] for frame in frames]
-        assert sum(isinstance(one, BoardSample) for one in told) == 1, turn
+        assert sum(isinstance(one, Measurement) for one in told) == 1, turn

@@ -13,8 +13,8 @@ import pytest
 
 from pam_driver.boards.pam_board.codec import (
     BoardCodec,
-    BoardSample,
     BoardState,
+    Measurement,
     Status,
     ValveCommand,
 )
@@ -48,7 +48,7 @@ class Host:
                 self.heard.append((self.now, *self.codec.decode(*frame)))
 
     def measurements(self, board=0):
-        return [m for _, b, m in self.heard if b == board and isinstance(m, BoardSample)]
+        return [m for _, b, m in self.heard if b == board and isinstance(m, Measurement)]
 
 
 def started(simulated, boards=(0,)):
@@ -237,7 +237,7 @@ def test_program_serves_a_bus_and_ends_on_a_signal(number):
                 _, heard = codec.decode(frame.frame_id, frame.data)
                 if isinstance(heard, Status):
                     states.add(heard.state)
-                elif isinstance(heard, BoardSample):
+                elif isinstance(heard, Measurement):
                     highest = max(highest, heard.pressures[0])
             time.sleep(0.002)
         assert BoardState.ACTIVE in states

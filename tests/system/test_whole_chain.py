@@ -11,7 +11,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from pam_driver.boards.pam_board.codec import BoardSample
+from pam_driver.boards.pam_board.codec import Measurement
 from support.reruns import HOST_STALLS
 
 from .conftest import RATE
@@ -35,7 +35,7 @@ def test_step_is_tracked_and_stiffness_delivered(suite):
     suite.wait_until_at("elbow", 0.3)
     start = suite.frames.now
     _, measured = suite.frames.wait_for(
-        "a measurement", lambda _, message: isinstance(message, BoardSample), 5.0, start
+        "a measurement", lambda _, message: isinstance(message, Measurement), 5.0, start
     )
     assert measured.position == pytest.approx(suite.position("elbow"), abs=0.02)
 
@@ -49,7 +49,7 @@ def test_two_joints_on_two_boards_move_apart(make_suite):
     suite.wait_until_at(first, 0.2)
     suite.wait_until_at(second, -0.25)
     boards = {
-        board: suite.frames.heard(BoardSample, suite.frames.now - 1.0, board) for board in (0, 1)
+        board: suite.frames.heard(Measurement, suite.frames.now - 1.0, board) for board in (0, 1)
     }
     angles = {board: heard[-1][1].position for board, heard in boards.items()}
     assert sorted(angles.values()) == pytest.approx([-0.25, 0.2], abs=0.03)

@@ -12,8 +12,8 @@ import pytest
 
 from pam_driver.boards.pam_board.codec import (
     BoardMessage,
-    BoardSample,
     BoardState,
+    Measurement,
     Status,
     ValveCommand,
 )
@@ -30,11 +30,11 @@ HOW = {
 
 
 def is_pressurised(board: int, message: BoardMessage) -> bool:
-    return isinstance(message, BoardSample) and min(message.pressures) > PRESSURISED
+    return isinstance(message, Measurement) and min(message.pressures) > PRESSURISED
 
 
 def is_vented(board: int, message: BoardMessage) -> bool:
-    return isinstance(message, BoardSample) and max(message.pressures) < VENTED
+    return isinstance(message, Measurement) and max(message.pressures) < VENTED
 
 
 def is_disarmed(board: int, message: BoardMessage) -> bool:
@@ -102,13 +102,13 @@ def test_any_node_may_end(suite, how):
     )
     suite.start("rig")
     back, _ = suite.frames.wait_for(
-        "the boards back", lambda _, m: isinstance(m, BoardSample), 6 * timeout, suite.frames.now
+        "the boards back", lambda _, m: isinstance(m, Measurement), 6 * timeout, suite.frames.now
     )
     suite.frames.wait_for("vented", is_vented, timeout, back + 0.5)
     commands = suite.frames.heard(ValveCommand, back)
     assert commands
     assert not any(any(message.enable) for _, message in commands)
     peak = max(
-        (max(m.pressures) for _, m in suite.frames.heard(BoardSample, back)), default=math.nan
+        (max(m.pressures) for _, m in suite.frames.heard(Measurement, back)), default=math.nan
     )
     assert peak < VENTED

@@ -21,10 +21,10 @@ from pam_driver.boards.pam_board.codec import (
     BoardCommand,
     BoardFault,
     BoardMessage,
-    BoardSample,
     BoardState,
     FrameError,
     Heartbeat,
+    Measurement,
     Status,
     ValveCommand,
 )
@@ -194,7 +194,7 @@ class _DriverRun:
             self.now += PERIOD
             self.counter = (self.counter + 1) & 0xFF
             state = BoardState.ACTIVE if self._may_move() else BoardState.VENTED
-            self.hear(BoardSample((0.0, 0.0), 0.0, self.counter))
+            self.hear(Measurement((0.0, 0.0), 0.0, self.counter))
             self.hear(Status(state, BoardFault(0), self.counter, 701_320.0, 0))
             self.hear(Heartbeat(self.now, PROTOCOL_VERSION, 1))
             self.driver.cycle(self.now, self.now)
@@ -207,7 +207,7 @@ class _DriverRun:
         self.counter = (self.counter + 1) & 0xFF
         if kind == 0:
             pressures = (5.5e5 + 6.4e5 * read.share(), 5.5e5 + 6.4e5 * read.share())
-            self.hear(BoardSample(pressures, 1.2 * read.share(), self.counter))
+            self.hear(Measurement(pressures, 1.2 * read.share(), self.counter))
         elif kind == 1:
             state = BoardState(read.byte() % 4)
             faults = BoardFault((read.byte() + 256 * read.byte()) % (2 * max(BoardFault)))

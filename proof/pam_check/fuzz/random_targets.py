@@ -15,12 +15,12 @@ from pam_driver.boards.pam_board.codec import (
     BoardCodec,
     BoardCommand,
     BoardFault,
-    BoardSample,
     BoardState,
     FrameError,
     Heartbeat,
     ValveCommand,
 )
+from pam_driver.boards.pam_board.codec import Measurement as MeasurementFrame
 from pam_driver.boards.pam_board.codec import Status as StatusFrame
 from pam_driver.boards.pam_board.messages import BoardMessage
 from pam_driver.can_bus.bus import BusState, ReceivedFrame, SendOutcome
@@ -58,7 +58,7 @@ def frame(codec: BoardCodec, draw: random.Random) -> tuple[int, bytes]:
         message = BoardCommand(draw.choice(list(BoardCode)))
     elif kind == 2:
         pressures = (draw.uniform(-1e5, 1.2e6), draw.choice((math.nan, 1e5)))
-        message = BoardSample(pressures, draw.uniform(-8.0, 8.0), draw.randrange(256))
+        message = MeasurementFrame(pressures, draw.uniform(-8.0, 8.0), draw.randrange(256))
     elif kind == 3:
         faults = BoardFault(draw.randrange(2 * max(BoardFault)))
         message = StatusFrame(

@@ -12,10 +12,10 @@ from pam_driver.boards.pam_board.codec import (
     BoardCodec,
     BoardCommand,
     BoardFault,
-    BoardSample,
     BoardState,
     FrameError,
     Heartbeat,
+    Measurement,
     SafetyInput,
     ValveCommand,
 )
@@ -148,7 +148,7 @@ class WrongScale(GoodBoard):
         for frame in frames:
             sent = frame
             _, message = CODEC.decode(*frame)
-            if isinstance(message, BoardSample):
+            if isinstance(message, Measurement):
                 first, second = (2.0 * (pressure + 1e5) - 1e5 for pressure in message.pressures)
                 sent = CODEC.encode(0, message._replace(pressures=(first, second)))
             told.append(sent)
@@ -158,7 +158,7 @@ class WrongScale(GoodBoard):
 class SlowMeasurements(GoodBoard):
     def __init__(self, now: float = 0.0) -> None:
         super().__init__(now)
-        self._periods[BoardSample] = 0.004
+        self._periods[Measurement] = 0.004
 
 
 class ChannelsExchanged(GoodBoard):

@@ -21,8 +21,8 @@ from pam_driver.boards.pam_board.codec import (
     BoardCode,
     BoardCommand,
     BoardMessage,
-    BoardSample,
     Heartbeat,
+    Measurement,
     Status,
     ValveCommand,
 )
@@ -111,13 +111,13 @@ def _status_period(tester: BoardTester) -> str:
 
 
 def _measurement_period(tester: BoardTester) -> str:
-    return _period_kept(tester, BoardSample, 0.002, 0.05)
+    return _period_kept(tester, Measurement, 0.002, 0.05)
 
 
 def _measurement_counter(tester: BoardTester) -> str:
     tester.rest()
     tester.wait(1.0)
-    counters = [message.counter for _, message in tester.messages(BoardSample)]
+    counters = [message.counter for _, message in tester.messages(Measurement)]
     if len(counters) < 10:
         raise RuleBrokenError(f"{len(counters)} measurements in a second")
     steps = [(b - a) & 0xFF for a, b in itertools.pairwise(counters)]
@@ -131,7 +131,7 @@ def _measurement_counter(tester: BoardTester) -> str:
 
 def _vented_pressure(tester: BoardTester) -> str:
     tester.rest()
-    tester.until(lambda: bool(tester.messages(BoardSample)), 0.5)
+    tester.until(lambda: bool(tester.messages(Measurement)), 0.5)
 
     def vented() -> bool:
         return all(abs(pressure) < _VENTED_PRESSURE for pressure in tester.pressures)

@@ -13,9 +13,9 @@ from pam_driver.boards.pam_board.codec import (
     BoardCommand,
     BoardFault,
     BoardMessage,
-    BoardSample,
     BoardState,
     FrameError,
+    Measurement,
     Status,
     ValveCommand,
 )
@@ -290,7 +290,7 @@ class BoardTester:
         self.heard.append((time, message))
         if isinstance(message, Status):
             self._status = message
-        elif isinstance(message, BoardSample):
+        elif isinstance(message, Measurement):
             self._pressures = message.pressures
 
     @property

@@ -20,11 +20,11 @@ from pam_driver.boards.pam_board.codec import (
     BoardCommand,
     BoardFault,
     BoardMessage,
-    BoardSample,
     BoardState,
     FrameCrcError,
     FrameError,
     Heartbeat,
+    Measurement,
     SafetyInput,
     Status,
     ValveCommand,
@@ -112,9 +112,9 @@ class SimulatedPamBoard:
         self._loose = False
         self._told: object = None
         self._grid = now
-        self._turns: dict[type[BoardMessage], int] = {BoardSample: 0, Status: 0, Heartbeat: 0}
+        self._turns: dict[type[BoardMessage], int] = {Measurement: 0, Status: 0, Heartbeat: 0}
         self._periods = {
-            BoardSample: 1.0 / self.settings.measurement_rate,
+            Measurement: 1.0 / self.settings.measurement_rate,
             Status: 1.0 / self.settings.status_rate,
             Heartbeat: 1.0 / self.settings.heartbeat_rate,
         }
@@ -225,15 +225,15 @@ class SimulatedPamBoard:
         position = angles[0] if angles else 0.0
         self._check(now, pressures, position)
         messages: list[BoardMessage] = []
-        if self._is_due(BoardSample, now):
+        if self._is_due(Measurement, now):
             self._samples = (self._samples + self._counter_step) & 0xFF
             shown = [0.0] * CHANNELS
             for channel, pressure in zip(self._sensors, pressures, strict=True):
                 shown[channel] = _within(pressure, PRESSURE_RANGE)
             angle = _within(position, POSITION_RANGE)
-            messages.append(BoardSample((shown[0], shown[1]), angle, self._samples))
+            messages.append(Measurement((shown[0], shown[1]), angle, self._samples))
             if self._loose:
-                messages.append(BoardSample((math.nan, math.nan), math.nan, self._samples))
+                messages.append(Measurement((math.nan, math.nan), math.nan, self._samples))
         news = (self.state, self.faults, self.emergency_stop, self.enabling_switch)
         if self._is_due(Status, now) or news != self._told:
             self._told = news

@@ -13,9 +13,9 @@ from pam_driver.boards.pam_board.codec import (
     BoardCodec,
     BoardCommand,
     BoardFault,
-    BoardSample,
     BoardState,
     Heartbeat,
+    Measurement,
     Status,
     ValveCommand,
 )
@@ -31,7 +31,7 @@ from pam_driver.boards.protocol import (
     WiredBoard,
 )
 
-_ANSWERS: Final = (BoardSample, Status, Heartbeat)
+_ANSWERS: Final = (Measurement, Status, Heartbeat)
 _COMMANDS: Final = (ValveCommand, BoardCommand)
 _NO_VALVES: Final = (0.0, 0.0)
 _NO_ENABLE: Final = (False, False)

@@ -34,9 +34,9 @@ from pam_driver.boards.pam_board.messages import (
     BoardCommand,
     BoardFault,
     BoardMessage,
-    BoardSample,
     BoardState,
     Heartbeat,
+    Measurement,
     SafetyInput,
     Status,
     ValveCommand,
@@ -50,7 +50,6 @@ __all__ = [
     "BoardCommand",
     "BoardFault",
     "BoardMessage",
-    "BoardSample",
     "BoardState",
     "DbcError",
     "EncodeError",
@@ -59,6 +58,7 @@ __all__ = [
     "FrameLengthError",
     "FrameRangeError",
     "Heartbeat",
+    "Measurement",
     "SafetyInput",
     "Status",
     "UnknownFrameError",
@@ -108,7 +108,7 @@ class BoardCodec:
         decoders: dict[str, Callable[[Layout, int, int], BoardMessage]] = {
             "BoardCommand": _decode_board_command,
             "ValveCommand": _decode_valve_command,
-            "BoardSample": _decode_measurement,
+            "Measurement": _decode_measurement,
             "Status": _decode_status,
             "Heartbeat": _decode_heartbeat,
         }
@@ -156,7 +156,7 @@ class BoardCodec:
         """
         return [
             (kind, layout.length, 1000.0 / layout.period if kind is not ValveCommand else 0.0)
-            for kind in (ValveCommand, BoardSample, Status, Heartbeat)
+            for kind in (ValveCommand, Measurement, Status, Heartbeat)
             if (layout := self._layouts[kind.__name__]).period > 0.0
         ]
 
@@ -177,7 +177,7 @@ class BoardCodec:
                 if not -1.0 <= fraction <= 1.0:
                     raise EncodeError(f"{field.name} is {fraction}, expected -1 to 1 of full scale")
             values: tuple[float, ...] = (*message.valves, *message.enable, *message[2:])
-        elif isinstance(message, BoardSample):
+        elif isinstance(message, Measurement):
             values = (*message.pressures, message.position, message.counter)
         elif isinstance(message, Status):
             values = (
@@ -265,9 +265,9 @@ def _decode_valve_command(layout: Layout, word: int, frame_id: int) -> ValveComm
     )
 
 
-def _decode_measurement(layout: Layout, word: int, frame_id: int) -> BoardSample:
+def _decode_measurement(layout: Layout, word: int, frame_id: int) -> Measurement:
     pressure0, pressure1, position, counter = layout.fields
-    return BoardSample(
+    return Measurement(
         (pressure0.value(word, frame_id), pressure1.value(word, frame_id)),
         position.value(word, frame_id),
         counter.raw(word, frame_id),

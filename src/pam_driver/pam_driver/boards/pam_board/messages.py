@@ -80,7 +80,7 @@ class ValveCommand(NamedTuple):
     close_dump: bool = False
 
 
-class BoardSample(NamedTuple):
+class Measurement(NamedTuple):
     """One sample of a board: gauge pressures [Pa] and joint angle [rad], NaN if not available."""
 
     pressures: tuple[float, float]
@@ -110,4 +110,4 @@ class Heartbeat(NamedTuple):
     firmware_version: int
 
 
-BoardMessage = BoardCommand | ValveCommand | BoardSample | Status | Heartbeat
+BoardMessage = BoardCommand | ValveCommand | Measurement | Status | Heartbeat

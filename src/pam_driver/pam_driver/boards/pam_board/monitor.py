@@ -10,9 +10,9 @@ from pam_driver.boards.availability import Availability
 from pam_driver.boards.pam_board.codec import (
     CHANNELS,
     PROTOCOL_VERSION,
-    BoardSample,
     BoardState,
     Heartbeat,
+    Measurement,
     SafetyInput,
     Status,
 )
@@ -83,7 +83,7 @@ class BoardMonitor:
         """The angle of the only encoder [rad]."""
         return self.angles[0]
 
-    def hear_measurement(self, message: BoardSample, time: float, stamp: float) -> None:
+    def hear_measurement(self, message: Measurement, time: float, stamp: float) -> None:
         """Store a measurement unless it is a repetition or older than the last."""
         hear = self.availability.hear
         for channel, pressure in enumerate(message.pressures):
