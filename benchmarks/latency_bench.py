@@ -28,7 +28,7 @@ from statistics import median, quantiles
 
 from pam_demo.chain import BusChoice, Chain, multicast_bus, private_domain
 from pam_demo.demo import REALTIME
-from pam_driver.boards.pam_board.codec import BoardCodec, BoardSample, ValveCommand
+from pam_driver.boards.pam_board.codec import BoardCodec, Measurement, ValveCommand
 from pam_driver.buses import OnlyBus, open_buses
 from pam_driver.can_bus.bus import CanPort, open_bus
 from pam_model.argument_types import number
@@ -94,7 +94,7 @@ def listen(port: CanPort, seconds: float, jumping: Jumping) -> tuple[Samples, Sa
             jump_at = now + draw.uniform(*PAUSE)
         for frame in port.receive_all(now):
             _, message = codec.decode(frame.frame_id, frame.data)
-            if isinstance(message, BoardSample):
+            if isinstance(message, Measurement):
                 pressures.append((frame.stamp, message.pressures[0]))
             elif isinstance(message, ValveCommand):
                 commands.append((frame.stamp, message.valves[0]))
