@@ -40,12 +40,15 @@ _NEVER_COMPILED = (
     "constants",
     "force_table",
     "lane_choice",
+    "lever_arm",
+    "mounting",
     "parameters",
     "plant_batch",
     "robot_plant",
     "sensors",
     "simulate",
     "trajectory",
+    "written_numbers",
 )
 
 
