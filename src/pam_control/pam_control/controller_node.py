@@ -32,9 +32,9 @@ from pam_control.actions.follow_trajectory import FollowTrajectory
 from pam_control.command_intake import CommandIntake
 from pam_control.control_step import JointTelemetry, Measurement
 from pam_control.controller_health import ControllerHealth
+from pam_control.controller_help import HELP
 from pam_control.controller_parameters import (
     COMMAND_DELAY,
-    HELP,
     create_controller,
     parameter_table,
 )
