@@ -35,6 +35,7 @@ from pam_gap.inference.search_growth import GrowthStep, grows
 from pam_gap.inference.unknown_test import explain_leftover
 from pam_gap.inference.unlisted import UnlistedFitter
 from pam_gap.inference.verdict import has_gap
+from pam_gap.prediction.bench_joint import bench_problem
 from pam_gap.prediction.channel_order import BOTH_FORCES, POSITION
 from pam_gap.prediction.fit import FitResult
 from pam_gap.prediction.gap_figures import noise_level
@@ -71,6 +72,8 @@ class JointDiagnosis:
         Called with the current task and the completed share.
     with_experiment : bool
         Whether the most informative next experiment is sought; it takes many simulations.
+    is_bench : bool
+        Whether the joint is the invented one of a muscle on a bench.
     """
 
     def __init__(
@@ -83,14 +86,16 @@ class JointDiagnosis:
         threads: int = 1,
         progress: Progress = silent,
         with_experiment: bool = True,
+        is_bench: bool = False,
     ) -> None:
         self.rig = rig
-        self.with_experiment = with_experiment
+        self.with_experiment = with_experiment and not is_bench
         self.rules = rules
         self.joint = joint
         self.progress = progress
         self.progress("preparing the simulation", 0.0)  # compiles it once on a machine
-        self.problem = PredictionProblem(rig, joint, recordings, rules=rules, threads=threads)
+        make = bench_problem if is_bench else partial(PredictionProblem, joint=joint)
+        self.problem = make(rig, recordings=recordings, rules=rules, threads=threads)
         self.floor = noise_level(self.problem, self.problem.base.values)
         self.fitter = HypothesisFitter(self.problem, self.floor)
         self.folds: Folds = make_folds(self.problem)
@@ -117,7 +122,9 @@ class JointDiagnosis:
         present = self.present
         return [
             candidate
-            for candidate in candidates_for(self.rig, self.rig.joints[self.joint])
+            for candidate in candidates_for(
+                self.rig, self.rig.joints[self.joint], self.problem.sides
+            )
             if applicable(
                 candidate.effect,
                 commands=self.problem.has_commands,
@@ -365,7 +372,7 @@ class JointDiagnosis:
         return replace(
             diagnosis,
             proposal=proposal,
-            next_experiment=advice(diagnosis.verdict, proposal, self.present),
+            next_experiment=advice(diagnosis.verdict, proposal, self.problem),
             facts=self._facts(verdict, evidence.nominal, started),
             cautions=self._cautions(verdict, evidence),
             not_shown=not_shown(self.problem, self.candidates(), self.floor),

@@ -15,6 +15,7 @@ from typing import Any, Final
 import numpy as np
 import yaml
 
+from pam_gap.prediction.bench_joint import bench_muscles
 from pam_gap.recordings.column_map import unit_of
 from pam_gap.recordings.import_rosbag import ESTIMATES, GROUND_TRUTH
 from pam_gap.recordings.recording import COMMANDS, JOINTS, MUSCLES, PRESSURES, SUPPLY, Array
@@ -29,6 +30,7 @@ _WORDS: Final[Mapping[str, frozenset[str]]] = {
         PRESSURES: "pressure pressures press p pres druck",
         COMMANDS: "command commands cmd valve u input action",
         ".position": "angle position pos q theta phi joint encoder",
+        "length": "length len position pos displacement distance stroke laser x",
         ".effort": "force load cell effort torque f",
         SUPPLY: "supply tank source",
     }.items()
@@ -111,10 +113,11 @@ class Proposed:
 
 def wanted_channels(rig: Rig) -> list[str]:
     """The channels of a recording of this rig: what every diagnosis needs first."""
-    muscles = [muscle for joint in rig.joints for muscle in joint.muscles]
+    muscles = list(rig.muscle_names)
     return [
         *(f"{PRESSURES}{muscle}" for muscle in muscles),
         *(f"{JOINTS}{joint.name}.position" for joint in rig.joints),
+        *(f"{MUSCLES}{muscle}.position" for muscle in bench_muscles(rig)),
         *(f"{COMMANDS}{muscle}" for muscle in muscles),
         *(f"{MUSCLES}{muscle}.effort" for muscle in muscles),
         SUPPLY,
@@ -130,6 +133,8 @@ def words_of(name: str) -> list[str]:
 def _kind(channel: str) -> str:
     if channel == SUPPLY or channel.startswith((PRESSURES, COMMANDS)):
         return SUPPLY if channel == SUPPLY else channel.partition(".")[0] + "."
+    if channel.startswith(MUSCLES) and channel.endswith(".position"):
+        return "length"
     return "." + channel.rpartition(".")[2]
 
 
@@ -253,6 +258,7 @@ def _unit(channel: str, column: _Column, values: Array, rig: Rig) -> str:
     supply = rig.supply_pressure - rig.gas.ambient_pressure
     limits = {
         "Pa gauge": (0.1 * supply, 1.1 * supply), "rad": (0.0, 6.3), "-": (0.05, 1.05),
+        "m": (0.01, 5.0),
         "Pa absolute": (0.5 * rig.supply_pressure, 1.5 * rig.supply_pressure),
     }  # fmt: skip
     if expected not in limits or limits[expected][0] <= largest <= limits[expected][1]:
