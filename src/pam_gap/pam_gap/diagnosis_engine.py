@@ -10,7 +10,12 @@ from functools import partial
 import numpy as np
 
 from pam_gap.answer.diagnosis import Diagnosis
-from pam_gap.answer.sentences import SizesAtTheEnd, rivals_at_the_end, sizes_at_the_end
+from pam_gap.answer.sentences import (
+    SizesAtTheEnd,
+    effects_at_the_end,
+    rivals_at_the_end,
+    sizes_at_the_end,
+)
 from pam_gap.answer.write_answer import AnswerForm, advice, not_identifiable
 from pam_gap.experiments.next_experiment import Proposal, propose
 from pam_gap.inference.candidates import Candidate, applicable, candidates_for
@@ -30,6 +35,7 @@ from pam_gap.inference.held_out import (
 from pam_gap.inference.hypothesis import FitTask, Hypothesis, HypothesisFitter
 from pam_gap.inference.improved_fit import improved_fit
 from pam_gap.inference.loose_lengths import LooseLengths, loose_lengths
+from pam_gap.inference.probabilities import is_cut_off
 from pam_gap.inference.search import Progress, Search, SearchResult, level, silent
 from pam_gap.inference.search_growth import GrowthStep, grows
 from pam_gap.inference.unknown_test import explain_leftover
@@ -326,24 +332,24 @@ class JointDiagnosis:
             if evidence.improved is None:
                 found += (NOT_IMPROVED,)
             found += sizes_at_the_end(told.hypothesis.at_the_end)
-            found += rivals_at_the_end(self._cut_off(verdict.decision, evidence.nominal, told))
+            found += rivals_at_the_end(self.cut_off(verdict, evidence))
         return found if self.lengths is None else (*found, self.lengths.caution)
 
-    def _cut_off(
-        self, decision: Decision[HeldOut], nominal: HeldOut, told: HeldOut
+    def cut_off(
+        self, verdict: Verdict[HeldOut], evidence: Evidence[HeldOut]
     ) -> list[SizesAtTheEnd]:
         """Sizes at the end of their range in hypotheses that explain most of the gap otherwise.
 
         Such a hypothesis might explain more if its size were not limited.
         """
-        usual = self.judge.usual(nominal, decision.tried)
-        least = self.rules.decision.most_of_the_gap
+        told, decision = verdict.named, verdict.decision
+        if told is None:
+            return []
+        usual = self.judge.usual(evidence.nominal, decision.tried)
         rivals = [
             score
             for score in decision.tried
-            if not {*told.causes} & {*score.causes}
-            and score.hypothesis.at_the_end
-            and self.judge.share_removed(usual, score) >= least
+            if not {*told.causes} & {*score.causes} and is_cut_off(self.judge, usual, score)
         ]
         return [score.hypothesis.at_the_end for score in sorted(rivals, key=self.judge.level)]
 
@@ -375,6 +381,7 @@ class JointDiagnosis:
             next_experiment=advice(diagnosis.verdict, proposal, self.problem),
             facts=self._facts(verdict, evidence.nominal, started),
             cautions=self._cautions(verdict, evidence),
+            at_the_end=effects_at_the_end(self.cut_off(verdict, evidence)),
             not_shown=not_shown(self.problem, self.candidates(), self.floor),
         )
 

@@ -173,6 +173,11 @@ def sizes_at_the_end(found: SizesAtTheEnd) -> tuple[str, ...]:
     )
 
 
+def effects_at_the_end(rivals: Sequence[SizesAtTheEnd]) -> tuple[str, ...]:
+    """The effects of these explanations, each once, the one that explains most first."""
+    return tuple(dict.fromkeys(effect for one in rivals for effect, *_ in one))[:MOST_RIVALS]
+
+
 def rivals_at_the_end(rivals: Sequence[SizesAtTheEnd]) -> tuple[str, ...]:
     """A caution for other explanations whose sizes are at the end of the range searched.
 
@@ -189,8 +194,8 @@ def rivals_at_the_end(rivals: Sequence[SizesAtTheEnd]) -> tuple[str, ...]:
         return ()
     return (
         f"Explanations with {_listed(told_sizes)} also remove most of the gap, and end at the end "
-        "of the range that is searched. With more of it they might explain as much; the "
-        "probabilities do not know that.",
+        "of the range that is searched. With more of it they might explain as much, which "
+        "lowers the probability of the others.",
     )
 
 

@@ -33,8 +33,8 @@ from pam_model.rig import Rig
 
 ON_A_BENCH = (
     "Hold further lengths, from the longest to the shortest at which the muscle still pulls. At "
-    "each, raise the pressure slowly from zero to the highest and lower it again; then hold the highest "
-    "for a minute, and move the length slowly back and forth at two pressures."
+    "each, raise the pressure slowly from zero to the highest and lower it again; then hold the "
+    "highest for a minute, and move the length slowly back and forth at two pressures."
 )
 """What separates causes in a muscle: length, pressure and time, each changed alone."""
 

@@ -63,6 +63,7 @@ class HeldOut(Score):
             hypothesis,
             fold_values,
             ordinary=hypothesis.ordinary,
+            cut_off=tuple(dict.fromkeys(effect for effect, *_ in hypothesis.at_the_end)),
             simulated_sums=simulated_sums,
         )
 
