@@ -117,7 +117,7 @@ class JointDiagnosis:
     def written(self) -> HeldOut:
         """Score of the plant as written in the rig file, without any fit."""
         errors = self.problem.errors(self.problem.base.values[None])[0]
-        both = self.folds.rows[0] | self.folds.rows[1]
+        both = self.folds.used
         sums, counts = block_sums(errors, self.folds, both)
         result = FitResult(np.zeros(0), errors, 0.0, np.zeros((*errors.shape, 0)), 0)
         mean = sums.sum(0) / np.maximum(counts.sum(0), 1.0)
@@ -143,7 +143,7 @@ class JointDiagnosis:
 
     def in_sample(self, hypothesis: Hypothesis) -> HeldOut:
         """Score of a hypothesis on the data to which it was fitted."""
-        both = self.folds.rows[0] | self.folds.rows[1]
+        both = self.folds.used
         sums, counts = block_sums(hypothesis.result.errors, self.folds, both)
         return HeldOut.of(hypothesis, sums, counts)
 

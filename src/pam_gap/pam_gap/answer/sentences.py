@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from pam_gap.answer.diagnosis import Diagnosis
 from pam_gap.answer.user_units import interval_digits, percent, plain, spoken, told, user_unit
+from pam_gap.inference.held_out import OTHER_LENGTHS
 from pam_gap.prediction.materiality import GapSize
 from pam_model.effects import EFFECTS
 
@@ -83,7 +84,8 @@ def how_much(diagnosis: Diagnosis) -> str:
     if size is None or size.before <= 0.0:
         return ""
     error = f"{told(size.before, size.unit)} at {size.channel}"
-    return f"{percent(size.explained)} of an error of {error}"
+    where = " at lengths that were not fitted" if diagnosis.withheld == OTHER_LENGTHS else ""
+    return f"{percent(size.explained)} of an error of {error}{where}"
 
 
 def what_is_left(diagnosis: Diagnosis) -> str:

@@ -121,6 +121,7 @@ class AnswerForm:
             improved=None if shown is None else self.improved(shown.hypothesis),
             retuned=self.improved(final.hypothesis) if is_unknown else None,
             ordinary=ordinary,
+            withheld=self.folds.withheld,
             written_values=self.problem.base.values,
             improved_values=values,
             closest_values=self.closest(decision.tried) if is_unknown else None,
@@ -216,10 +217,10 @@ class AnswerForm:
             reach = self.rules.bound_reach * (parameter.high - parameter.low)
             if value >= parameter.high - reach:
                 notes.append(f"{parameter.name} is at its upper bound")
-            first, second = (float(fold[i]) for fold in score.fold_values)
-            half_sum = 0.5 * (abs(first) + abs(second))
-            apart = 2.0 * self.rules.fold_disagreement * half_sum
-            if abs(first - second) > apart and half_sum > 0.5 * parameter.size:
+            fitted = np.array([float(fold[i]) for fold in score.fold_values])
+            usual = float(np.mean(np.abs(fitted)))
+            apart = 2.0 * self.rules.fold_disagreement * usual
+            if np.ptp(fitted) > apart and usual > 0.5 * parameter.size:
                 notes.append(f"{parameter.name} differs between folds")
         return "; ".join(notes)
 

@@ -248,7 +248,7 @@ def run(given: Arguments) -> Outcome:
     )  # fmt: skip
     for channel, entry in preview.column_map.channels.items():
         made_of = " + ".join(map(shown, entry.columns))
-        print(f"{channel}: {made_of} {conversion(entry, channel)}".rstrip())
+        print(f"{channel}: {f'{made_of} {conversion(entry, channel)}'.strip()}")
     for text in preview.damage:
         print(f"warning: {text}", file=sys.stderr)
     for text in preview.problems:

@@ -188,7 +188,9 @@ class _Column:
 
     def __init__(self, name: str, below: str) -> None:
         self.name = name
-        listed = words_of(name)
+        parts = name.split(".")
+        own = [part for part in parts[:-1] if not part.isdigit()]  # a run has a number of its own
+        listed = words_of(".".join([*own, parts[-1]]))
         self.words = frozenset(listed)
         bracket = re.search(r"[\[(]([^\])]*)[\])]\s*$", name)
         in_bracket = unit_spelt(bracket[1]) if bracket else None
@@ -289,6 +291,41 @@ def propose(
     """
     channels = ([] if is_bag else ["time"]) + wanted_channels(rig)
     columns = {n: values for n, values in _measured(columns).items() if np.isfinite(values).any()}
+    for run in [] if is_bag else _runs(columns):
+        found = _best(run, rig, channels, is_bag=False, units=units)
+        if all(name in {one.channel for one in found} for name in _needed(channels)):
+            return found
+    return _best(columns, rig, channels, is_bag=is_bag, units=units)
+
+
+def _needed(channels: list[str]) -> list[str]:
+    """Of the channels, those without which nothing can be diagnosed."""
+    return [name for name in channels if name == "time" or name.startswith(PRESSURES)]
+
+
+def _runs(columns: Mapping[str, Array]) -> list[dict[str, Array]]:
+    """The columns of each of several runs in one log, as `runs.0.p` and `runs.1.p` are.
+
+    Columns of different runs do not belong together, although their names say the same.
+    """
+    runs: dict[tuple[str, ...], dict[str, Array]] = {}
+    for name, values in columns.items():
+        parts = name.split(".")
+        at = next((k + 1 for k, part in enumerate(parts[:-1]) if part.isdigit()), 0)
+        if at:
+            runs.setdefault(tuple(parts[:at]), {})[name] = values
+    return list(runs.values()) if len(runs) > 1 else []
+
+
+def _best(
+    columns: Mapping[str, Array],
+    rig: Rig,
+    channels: list[str],
+    *,
+    is_bag: bool,
+    units: Mapping[str, str] | None,
+) -> list[Proposed]:
+    """The columns that fit the channels best, each used once."""
     read = [_Column(name, (units or {}).get(name, "")) for name in columns]
     places: dict[str, int] = {}
     scored: list[tuple[float, str, _Column]] = []

@@ -279,6 +279,11 @@ def _check_force_and_length(rig: Rig, muscle: str, recording: Recording) -> None
         low, high = (share * entry.rest_length for share in LENGTHS)
         if not low <= largest <= high:
             hint = conversion_hint(largest, "m", low, high)
+            if largest < low:
+                hint = (
+                    "; if this is how far it has moved, add the length at 0 to it: a map with "
+                    "`offset` in m, and `sign: -1` if it grows as the muscle shortens"
+                )
             expected = f"m, near the rest length {entry.rest_length:.3g} of the rig file"
             _refuse(recording, length, f"reaches {largest:.4g}", expected, hint)
     force = f"{MUSCLES}{muscle}.effort"
