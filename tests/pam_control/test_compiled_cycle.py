@@ -15,6 +15,7 @@ import pytest
 
 from pam_control.control_step import Measurement
 from pam_control.controller import Controller
+from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.references.trajectory import TrajectoryPoint
 from pam_control.settings import ControlSettings
 from pam_model.joints.affine_inverse import affine_line, affine_pressures
@@ -53,15 +54,17 @@ def rigs() -> dict[str, Rig]:
     }
 
 
-def commands(name: str) -> list[list[float]]:
+def commands(name: str, designs: KeptDesigns | None = None) -> list[list[float]]:
     """Commands and desired pressures of a motion, without a plant; what is learnt is used."""
-    return commands_of(rigs()[name])
+    return commands_of(rigs()[name], designs=designs)
 
 
-def commands_of(rig: Rig, *, adapts: bool = True) -> list[list[float]]:
+def commands_of(
+    rig: Rig, *, adapts: bool = True, designs: KeptDesigns | None = None
+) -> list[list[float]]:
     """The same of any rig, whose muscles are measured in the order of the joints."""
     settings = ControlSettings(observer=True, observer_bandwidth=5.0, adaptation=adapts)
-    controller, rows = Controller(rig, settings), []
+    controller, rows = Controller(rig, settings, designs=designs), []
     count = len(rig.joints)
     order = [rig.muscle_names.index(name) for joint in rig.joints for name in joint.muscles]
     for cycle in range(CYCLES):
@@ -86,21 +89,28 @@ def commands_of(rig: Rig, *, adapts: bool = True) -> list[list[float]]:
 
 
 @pytest.mark.skipif(not HAVE_NUMBA, reason="needs numba")
-def test_plain_python_gives_the_same_commands() -> None:
-    """In a process of its own, because the package decides at its import."""
+def test_plain_python_gives_the_same_commands(
+    shared_designs: KeptDesigns, designs_folder: Path
+) -> None:
+    """In a process of its own, because the package decides at its import.
+
+    It reads the gains that are designed here: to design them again would take most of its time.
+    """
+    compiled = {name: np.array(commands(name, shared_designs)) for name in rigs()}
     program = (
-        "import json, sys; from test_compiled_cycle import commands, rigs;"
-        "json.dump({name: commands(name) for name in rigs()}, sys.stdout)"
+        "import json, pathlib, sys; from test_compiled_cycle import KeptDesigns, commands, rigs;"
+        "kept = KeptDesigns(pathlib.Path(sys.argv[1]));"
+        "json.dump({name: commands(name, kept) for name in rigs()}, sys.stdout)"
     )
     environment = {**os.environ, "PAM_NO_NUMBA": "1"}
     folder = os.pathsep.join((str(Path(__file__).parent), os.environ.get("PYTHONPATH", "")))
     done = subprocess.run(
-        [sys.executable, "-c", program],
+        [sys.executable, "-c", program, str(designs_folder)],
         env={**environment, "PYTHONPATH": folder},
         capture_output=True, text=True, check=True,
     )  # fmt: skip
     for name, plain in json.loads(done.stdout).items():
-        mine = np.array(commands(name))
+        mine = compiled[name]
         assert np.abs(mine).max() > 0.0
         close = np.abs(mine - plain) <= 1e-12 * np.maximum(np.abs(mine), 1.0)
         assert close[:40].all(), name

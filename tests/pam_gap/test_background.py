@@ -138,6 +138,24 @@ def test_probabilities_follow_the_verdict_and_sum_to_one() -> None:
     assert given(nominal, lag)["unknown"] > 0.8
 
 
+def test_a_rival_at_the_end_of_its_range_lowers_the_probability_of_the_others() -> None:
+    """It might explain as much with more of it; one that explains little changes nothing."""
+    nominal = score((), (33.0, 74.0, 90.0))
+    bladder = score(("bladder_elasticity",), (4.0, 8.0, 30.0))
+    judge = Judge(np.ones(CHANNELS), PRESENT, DEFAULT.decision, background=BACKGROUND)
+
+    def probability(rival: Score) -> float:
+        decision = judge.decide(nominal, [bladder, rival])
+        return probabilities(judge, nominal, decision)["bladder_elasticity"]
+
+    caps = score(("end_caps",), (6.0, 13.0, 43.0))
+    limited = replace(caps, cut_off=("end_caps",))
+    assert probability(limited) < probability(caps) - 0.03
+    assert probability(replace(caps, cut_off=("leakage",))) == probability(caps)
+    weak = score(("end_caps",), (30.0, 70.0, 88.0))
+    assert probability(replace(weak, cut_off=("end_caps",))) == probability(weak)
+
+
 def test_a_cause_can_hide_in_a_background_but_not_in_noise() -> None:
     """Where nothing stands out of a background, a weak cause may still be there."""
     nominal, found = score((), (1.0, 1.0, 1.0)), score(("viscous_friction",), (1.0, 1.0, 1.0))

@@ -61,6 +61,8 @@ VISCOSITY = 1.81e-5  # Pa s, of air
 LINEAR_FROM = 0.999  # pressure ratio
 OGDEN = ((6.3, 1.3), (0.012, 5.0), (-0.1, -2.0))
 OGDEN_SHEAR = 0.5 * sum(modulus * power for modulus, power in OGDEN)
+NARROW = 0.8
+"""Radius of a relaxed bladder over that of the braid at rest length."""
 CABLE_TOE = 400.0  # N
 THREAD_TOE = 1500.0  # N, of all threads together
 RUB_PRESSURE, RUB_POWER = 3.0e5, 0.85
@@ -105,6 +107,8 @@ class SecondMuscle(NamedTuple):
     """N m: volume of the bladder times its shear modulus."""
     taper: float
     """Length of an end over the step in radius."""
+    hoop: float
+    """Pa, that widens the bladder until its radius has grown by a quarter at rest length."""
     yarn: float
     """1/N, strain of the threads for little tension."""
     cable: float
@@ -209,6 +213,19 @@ def gas_volume(m: SecondMuscle, gauge: float, length: float) -> tuple[float, flo
 
 
 @compiled
+def carried_pressure(m: SecondMuscle, gauge: float, length: float) -> float:
+    """The part of the pressure that a bladder narrower than the braid passes on [Pa].
+
+    A thin tube of a neo-Hookean solid takes p = (mu T/R) (1 - (R/r)^4) to widen from R to r at
+    constant length (Treloar, The Physics of Rubber Elasticity, chapter 4).
+    """
+    b, rest = m.thread_length, m.rest_length
+    narrower = NARROW**4 * ((b * b - rest * rest) / (b * b - length * length)) ** 2
+    taken = m.hoop * (1.0 - min(narrower, 1.0)) / (1.0 - NARROW**4)
+    return max(gauge - taken, 0.0)
+
+
+@compiled
 def ogden_pull(m: SecondMuscle, length: float) -> float:
     """Pull of an incompressible bladder that follows the braid [N]."""
     b, rest = m.thread_length, m.rest_length
@@ -247,12 +264,13 @@ def pull(
         force = 0.0
     else:
         b = thread(m, gauge, length)
+        carried = carried_pressure(m, gauge, length) if m.hoop > 0.0 else gauge
         if m.taper > 0.0:
             d = 1e-6
             more, less = braid_volume(m, b, length + d), braid_volume(m, b, length - d)
-            force = gauge * (less - more) / (2.0 * d)
+            force = carried * (less - more) / (2.0 * d)
         else:
-            force = gauge * (3.0 * length * length - b * b) / (4.0 * math.pi * m.turns**2)
+            force = carried * (3.0 * length * length - b * b) / (4.0 * math.pi * m.turns**2)
         if m.rub > 0.0:
             diameter = math.sqrt(b * b - length * length) / (math.pi * m.turns)
             lateral = math.pi * diameter * length

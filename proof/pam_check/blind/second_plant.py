@@ -115,6 +115,7 @@ def muscle_of(truth: TruthMuscle) -> SecondMuscle:
         creep_share=4.0 * truth.creep_order,
         rubber=truth.bladder_volume * truth.bladder_modulus / 3.0,
         taper=16.0 * (truth.end_factor - 1.0),
+        hoop=truth.threshold_pressure,
         yarn=truth.thread_compliance,
         cable=700.0 * truth.cable_compliance,
     )

@@ -32,9 +32,9 @@ from pam_control.actions.follow_trajectory import FollowTrajectory
 from pam_control.command_intake import CommandIntake
 from pam_control.control_step import JointTelemetry, Measurement
 from pam_control.controller_health import ControllerHealth
+from pam_control.controller_help import HELP
 from pam_control.controller_parameters import (
     COMMAND_DELAY,
-    HELP,
     create_controller,
     parameter_table,
 )
@@ -52,7 +52,8 @@ from pam_model.errors import PamError
 from pam_model.rig import described_key, rig_of_node
 from pam_ros import diagnostics as health
 from pam_ros.errors import ParameterError
-from pam_ros.parameters import NodeParameters, Value
+from pam_ros.parameter_row import Value
+from pam_ros.parameters import NodeParameters
 from pam_ros.periodic import MakeLoop, PeriodicLoop
 from pam_ros.phase_follower import PhaseFollower
 from pam_ros.slow_work import SlowWork

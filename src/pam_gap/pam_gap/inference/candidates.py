@@ -19,12 +19,11 @@ from pam_gap.prediction.fit import Array, FreeParameter
 from pam_gap.rules import DEFAULT
 from pam_gap.rules.search_rules import SearchRules
 from pam_model.effects import EFFECTS, Effect, Range, RigScales
+from pam_model.plant.layout import MUSCLES as SIDES
 from pam_model.plant.written_numbers import written_numbers
 from pam_model.rig import Joint, Rig
 from pam_model.robot import compose
 from pam_model.views.effect_scales import effect_scales
-
-SIDES = ("agonist", "antagonist")
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,13 +83,15 @@ def rig_scales(rig: Rig, joint: Joint) -> RigScales:
     return effect_scales(robot, robot.joint(joint.name))
 
 
-def _candidate(effect: Effect, sizes: Mapping[str, Range], side: str) -> Candidate:
+def _candidate(
+    effect: Effect, sizes: Mapping[str, Range], side: str, sides: Sequence[str]
+) -> Candidate:
     free: list[FreeParameter] = []
     targets: list[tuple[str, ...]] = []
     columns: list[tuple[float, ...]] = []
     ordinary: list[tuple[float, float]] = []
     if effect.scope == "muscle":
-        owners: Sequence[str] = (side,) if side else SIDES
+        owners: Sequence[str] = (side,) if side else sides
     else:
         owners = ("",)
     for key, parameter in effect.parameters.items():
@@ -144,16 +145,27 @@ def richer_starts(rich: Candidate, simple: Candidate, values: Array) -> tuple[Ar
     )
 
 
-def candidates_for(rig: Rig, joint: Joint) -> tuple[Candidate, ...]:
+def candidates_for(rig: Rig, joint: Joint, sides: Sequence[str] = SIDES) -> tuple[Candidate, ...]:
     """Every effect of the table as a candidate for one joint of a rig.
 
     Effects in the rig file are candidates too; the fitted values replace those of the file.
+
+    Parameters
+    ----------
+    rig : Rig
+        The rig as its file describes it.
+    joint : Joint
+        The joint.
+    sides : sequence of str
+        Those of its muscles that exist; with one, the joint is invented and is no candidate.
     """
     scales = rig_scales(rig, joint)
+    one_sided = sides if len(sides) > 1 else ("",)
     return tuple(
-        _candidate(effect, effect.search.ranges(scales), side)
+        _candidate(effect, effect.search.ranges(scales), side, sides)
         for effect in EFFECTS.values()
-        for side in (SIDES if effect.search.is_one_sided else ("",))
+        if len(sides) > 1 or effect.scope != "joint"
+        for side in (one_sided if effect.search.is_one_sided else ("",))
     )
 
 
@@ -213,7 +225,10 @@ class Nuisance:
 
 
 def nuisances_for(
-    rig: Rig, joint: Joint, rules: SearchRules = DEFAULT.search
+    rig: Rig,
+    joint: Joint,
+    rules: SearchRules = DEFAULT.search,
+    sides: Sequence[str] = SIDES,
 ) -> tuple[Nuisance, ...]:
     """One nuisance parameter for each nominal value, within its tolerance; none for tolerance 0."""
     return tuple(
@@ -229,12 +244,14 @@ def nuisances_for(
             (name,),
             is_factor=True,
         )
-        for name, reach in written_numbers(rig, joint)
+        for name, reach in written_numbers(rig, joint, sides)
         if reach > 0.0
     )
 
 
-def ordinary_sizes(rig: Rig, joint: Joint) -> tuple[tuple[str, tuple[str, ...], float], ...]:
+def ordinary_sizes(
+    rig: Rig, joint: Joint, sides: Sequence[str] = SIDES
+) -> tuple[tuple[str, tuple[str, ...], float], ...]:
     """What an ordinary good rig has of the effects: name, plant parameters and largest change.
 
     Both muscles of a joint are of one kind and have a part of it together. An effect that the rig
@@ -244,9 +261,13 @@ def ordinary_sizes(rig: Rig, joint: Joint) -> tuple[tuple[str, tuple[str, ...], 
     scales = rig_scales(rig, joint)
     found: list[tuple[str, tuple[str, ...], float]] = []
     for effect in EFFECTS.values():
-        if effect.stage == "sensing":
+        if effect.stage == "sensing" or (len(sides) < len(SIDES) and effect.scope == "joint"):
             continue
-        owners = [o for o, stated in _owners(rig, joint, effect) if effect.name not in stated]
+        owners = [
+            owner
+            for owner, stated in _owners(rig, joint, effect)
+            if effect.name not in stated and (owner in sides or not owner)
+        ]
         for key, size in effect.search.ranges(scales).items():
             if size.ordinary > 0.0 and owners:
                 paths = tuple(f"{owner}.{effect.name}.{key}".lstrip(".") for owner in owners)
@@ -266,7 +287,10 @@ def _owners(
 
 
 def transport_time(
-    sample_time: float, written: float, rules: SearchRules = DEFAULT.search
+    sample_time: float,
+    written: float,
+    rules: SearchRules = DEFAULT.search,
+    sides: Sequence[str] = SIDES,
 ) -> Nuisance:
     """The transport time of a command as a nuisance parameter; the message stamps do not show it.
 
@@ -281,6 +305,8 @@ def transport_time(
         Delay of commands in the rig file [s].
     rules : SearchRules
         Constants.
+    sides : sequence of str
+        Muscles that exist.
     """
     free = FreeParameter(
         "transport time",
@@ -290,4 +316,4 @@ def transport_time(
         prior=sample_time / math.sqrt(3.0),
         centre=written,
     )
-    return Nuisance(free, tuple(f"{side}.command_delay.delay" for side in SIDES), is_factor=False)
+    return Nuisance(free, tuple(f"{side}.command_delay.delay" for side in sides), is_factor=False)

@@ -11,7 +11,6 @@ import numpy.typing as npt
 
 from pam_gap.inference.background import Background, discrepancy, ordinary_background
 from pam_gap.inference.candidates import (
-    SIDES,
     Candidate,
     Nuisance,
     nuisances_for,
@@ -184,15 +183,19 @@ class HypothesisFitter:
         self.floor = floor
         self.rules = problem.rules
         self.nuisances = (
-            nuisances_for(problem.rig, problem.rig.joints[problem.joint], self.rules.search)
+            nuisances_for(
+                problem.rig, problem.rig.joints[problem.joint], self.rules.search, problem.sides
+            )
             if nuisances is None
             else tuple(nuisances)
         )
         stamped = [d.recording.sample_time for d in problem.data if not d.recording.one_clock]
-        written = {problem.base[f"{side}.command_delay.delay"] for side in SIDES}
+        written = {problem.base[f"{side}.command_delay.delay"] for side in problem.sides}
         # Different delays in the rig file must be measured ones, which include the transport time.
         if stamped and problem.has_commands and len(written) == 1:
-            self.nuisances += (transport_time(max(stamped), written.pop(), self.rules.search),)
+            self.nuisances += (
+                transport_time(max(stamped), written.pop(), self.rules.search, problem.sides),
+            )
         self.nominal: Hypothesis | None = None
         self.bare: Hypothesis | None = None
         self.background: Background | None = None

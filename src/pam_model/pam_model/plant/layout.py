@@ -87,6 +87,7 @@ MUSCLE_NOMINAL = (
     M_NEUTRAL,
     M_DEAD,
     M_FACTOR,
+    M_THRESHOLD,
     M_SHORTEST,
     M_LONGEST,
     M_TABLE_STEP,
@@ -106,7 +107,7 @@ MUSCLE_NOMINAL = (
     M_THERMAL,
     M_SHUT_EXPONENT,
     M_THREAD,
-) = range(29)
+) = range(30)
 
 
 @dataclass(frozen=True, slots=True)
