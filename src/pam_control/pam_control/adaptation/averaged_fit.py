@@ -45,6 +45,7 @@ from pam_control.adaptation.running_comparison import RunningComparison
 PIVOTS: Final = 6  # exchanges of what is at its bound; the last sets are nearly always right
 BELIEVED_FOR: Final = 0.25  # s of motion, for which the believed error counts
 FOLLOWS: Final = 0.3  # s of motion, in which the weights follow a fit that explains too little
+EXPLAINED: Final = 2.0  # times the noise, which the errors of a fit exceed that does so
 
 Array = npt.NDArray[np.float64]
 
@@ -134,7 +135,7 @@ class AveragedFit:
         self._wanted: Array = np.zeros(count)
         self._seen = self._energy = 0.0
         self._unsolved = math.inf
-        self._unexplained = 1.0  # share of the noise's squares that the fit leaves, at most 1
+        self._unexplained = 1.0  # squared errors of the fit by those of one that explains too little
         self._solutions: Array = np.zeros((rivals, count))
         self._at_bound = np.zeros((rivals, count), dtype=bool)
 
@@ -184,8 +185,8 @@ class AveragedFit:
         evidence[~ordinary & (self._better * left > left[ordinary].min())] = -math.inf
         odds = np.exp(evidence - evidence.max())
         self.probabilities = odds / odds.sum()
-        noise = self._noise**2 * self._seen
-        self._unexplained = min(float(self.probabilities @ left) / noise, 1.0)
+        doubtful = (EXPLAINED * self._noise) ** 2 * self._seen
+        self._unexplained = min(float(self.probabilities @ left) / doubtful, 1.0)
         weights = self.probabilities @ self._solutions
         explained, least = self._explained(weights), self._least
         if explained <= least:
