@@ -63,7 +63,7 @@ def _view(given: Arguments) -> Outcome:
 
     rig = load_rig(chosen_rig(given))
     blueprint = layout(rig, live=given.bag is None, narrow=given.narrow)
-    sink = RerunSink()
+    sink = RerunSink(live=given.bag is None)
     address = ""
     # the server of the page must not outlive this program
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))

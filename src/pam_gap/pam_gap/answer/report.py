@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ import matplotlib as mpl
 
 from pam_gap.answer.headline import LEAST_SHOWN, marginals
 from pam_gap.answer.page_style import STYLE, VERDICT_COLOURS, VERDICT_WORDS
+from pam_gap.answer.plots_in_page import picture
 from pam_gap.answer.report_figures import (
     RankedCandidate,
     StageBar,
@@ -137,8 +139,7 @@ below the limit, {{ limit }} of the range, does not matter; of what no effect ex
 {% endfor %}{% endfor %}</table></div>{% endif %}
 
 {% if d.stages %}<h2>Where the gap arises</h2>
-<figure><div class="wide" tabindex="0"><img alt="The chain of stages from valve to sensing, with
-the error of each as a multiple of its noise" src="{{ stages }}"></div>
+<figure>{{ stages | safe }}
 <figcaption>{{ stage_words }} Each stage is simulated from its measured
 inputs.</figcaption></figure>
 {% for s in d.stages if s.note %}<p class="quiet">{{ s.stage }}: {{ s.note }}</p>{% endfor %}
@@ -147,8 +148,7 @@ inputs.</figcaption></figure>
 the average squared error){{ ', ' if not loop.last }}{% endfor %}.</p>{% endif %}{% endif %}
 
 {% if ranking %}<h2>Which effect explains the gap</h2>
-<figure><div class="wide" tabindex="0"><img alt="Share of the gap that each candidate leaves, with
-intervals" src="{{ ranking }}"></div>
+<figure>{{ ranking | safe }}
 <figcaption>{{ ranking_words }} Best first, by the sum of the logarithms of the errors of all
 channels, so that a channel with small errors counts as well. The shares are of the RMS error of all
 together.</figcaption></figure>{% endif %}
@@ -159,8 +159,7 @@ together.</figcaption></figure>{% endif %}
 {% endif %}
 
 {% if diagnosis.gap and shrinkage %}<h2>How far the gap closes</h2>
-<figure><div class="wide" tabindex="0"><img alt="Error of each channel over its noise floor, as
-written and with the answer" src="{{ shrinkage }}"></div>
+<figure>{{ shrinkage | safe }}
 <figcaption>{{ shrinkage_words }}</figcaption></figure>{% endif %}
 {% if horizons %}<div class="wide" tabindex="0"><table>
 <tr><th>horizon</th><th>channel</th><th class="n">as written</th><th class="n">with the answer</th>
@@ -322,11 +321,30 @@ def render(data: ReportData) -> str:
         sizes=_size_rows(materiality),
         limit=percent(materiality.get("limit", 0.0)),
         limit_unexplained=percent(materiality.get("limit_unexplained", 0.0)),
-        stages=draw_stages(data.stages, blamed) if data.stages else "",
+        stages=picture(
+            partial(draw_stages, data.stages, blamed),
+            "The chain of stages from valve to sensing, with the error of each as a multiple of "
+            "its noise",
+            {},
+        )
+        if data.stages
+        else "",
         stage_words=stage_words(blamed, verdict),
-        ranking=draw_ranking(data.ranking, named) if data.ranking else "",
+        ranking=picture(
+            partial(draw_ranking, data.ranking, named),
+            "Share of the gap that each candidate leaves, with intervals",
+            {},
+        )
+        if data.ranking
+        else "",
         ranking_words=ranking_words(data.ranking) if data.ranking else "",
-        shrinkage=draw_shrinkage(diagnosis["gap"], answer) if has_shrinkage else "",
+        shrinkage=picture(
+            partial(draw_shrinkage, diagnosis["gap"], answer),
+            "Error of each channel over its noise floor, as written and with the answer",
+            {},
+        )
+        if has_shrinkage
+        else "",
         shrinkage_words=shrinkage_words(diagnosis["gap"], answer) if has_shrinkage else "",
         trace_words=[error_words(trace, channels) for trace in data.traces],
         horizons=[
