@@ -54,7 +54,8 @@ STYLE = """
  .quiet { color: var(--quiet); }
  @media (max-width: 40rem) { body { margin: .6rem auto; padding: 0 .7rem; }
   table { font-size: .78rem; } td, th { padding-right: .5rem; }
-  td:first-child { overflow-wrap: anywhere; min-width: 5.5rem; } th.n { white-space: normal; }
+  td:first-child { min-width: 5.5rem; }
+  td:last-child:not(.n, .bar, :empty) { min-width: 11rem; } th.n { white-space: normal; }
   h1 { font-size: 1.2rem; margin-bottom: .4rem; }
   .verdict { padding: .6rem .8rem; font-size: 1.1rem; }
   .plot { margin: .6rem 0; } }
@@ -64,6 +65,10 @@ STYLE = """
 
 What is wider than the page scrolls, and is shaded where it goes on.
 """
+
+BREAKABLE: Final = """{% macro breakable(name) %}{{ name | e | replace('.', '.<wbr>' | safe)
+| replace('_', '_<wbr>' | safe) }}{% endmacro %}"""
+"""For Jinja: a name that a narrow column may break behind its dots and lines, and nowhere else."""
 
 VERDICT_COLOURS = {
     "named": "#00798c",

@@ -16,7 +16,7 @@ import jinja2
 import matplotlib as mpl
 
 from pam_gap.answer.headline import LEAST_SHOWN, marginals
-from pam_gap.answer.page_style import STYLE, VERDICT_COLOURS, VERDICT_WORDS
+from pam_gap.answer.page_style import BREAKABLE, STYLE, VERDICT_COLOURS, VERDICT_WORDS
 from pam_gap.answer.plots_in_page import picture
 from pam_gap.answer.report_figures import (
     RankedCandidate,
@@ -118,7 +118,7 @@ probability of a cause is the sum over all sets that contain it.</p></details>{%
 <tr><th>channel</th><th class="n">range</th><th class="n">error as written</th>
 <th class="n">re-tuned</th><th class="n">with the answer</th><th class="n">limit</th>
 <th>does it matter?</th></tr>
-{% for s in sizes %}<tr><td>{{ s.channel }}</td><td class="n">{{ s.motion }}</td>
+{% for s in sizes %}<tr><td>{{ breakable(s.channel) }}</td><td class="n">{{ s.motion }}</td>
 <td class="n">{{ s.before }}</td><td class="n">{{ s.retuned }}</td><td class="n">{{ s.after }}</td>
 <td class="n">{{ s.limit }}</td><td>{{ s.matters }}</td></tr>
 {% endfor %}</table></div>
@@ -162,10 +162,10 @@ together.</figcaption></figure>{% endif %}
 <figure>{{ shrinkage | safe }}
 <figcaption>{{ shrinkage_words }}</figcaption></figure>{% endif %}
 {% if horizons %}<div class="wide" tabindex="0"><table>
-<tr><th>horizon</th><th>channel</th><th class="n">as written</th><th class="n">with the answer</th>
+<tr><th>channel</th><th>horizon</th><th class="n">as written</th><th class="n">with the answer</th>
 <th class="n">noise alone</th></tr>
 {% for h, channel, before, after, floor in horizons %}
-<tr><td>{{ h }}</td><td>{{ channel }}</td><td class="n">{{ before }}</td>
+<tr><td>{{ breakable(channel) }}</td><td>{{ h }}</td><td class="n">{{ before }}</td>
 <td class="n">{{ after }}</td><td class="n">{{ floor }}</td></tr>
 {% endfor %}</table></div>{% endif %}
 
@@ -295,7 +295,7 @@ def render(data: ReportData) -> str:
     blamed = _blamed_stages(diagnosis)
     answer = WITH_ANSWER if named else RETUNED
     has_shrinkage = bool(diagnosis["gap"]) and verdict != "not_identifiable"
-    return environment.from_string(_PAGE).render(
+    return environment.from_string(BREAKABLE + _PAGE).render(
         d=data,
         style=STYLE,
         diagnosis=diagnosis,
