@@ -56,16 +56,31 @@ def rigs() -> dict[str, Rig]:
 
 def commands(name: str, designs: KeptDesigns | None = None) -> list[list[float]]:
     """Commands and desired pressures of a motion, without a plant; what is learnt is used."""
-    rig = rigs()[name]
     # designed for one stiffness, which is quicker, but for the elbow's gains, which depend on it
     grid = () if name == "elbow" else (14.0,)
-    settings = ControlSettings(observer=True, observer_bandwidth=5.0, stiffness_grid=grid)
+    return commands_of(rigs()[name], grid=grid, designs=designs)
+
+
+def commands_of(
+    rig: Rig,
+    *,
+    adapts: bool = True,
+    grid: tuple[float, ...] = (),
+    designs: KeptDesigns | None = None,
+) -> list[list[float]]:
+    """The same of any rig, whose muscles are measured in the order of the joints."""
+    settings = ControlSettings(
+        observer=True, observer_bandwidth=5.0, adaptation=adapts, stiffness_grid=grid
+    )
     controller, rows = Controller(rig, settings, designs=designs), []
     count = len(rig.joints)
+    order = [rig.muscle_names.index(name) for joint in rig.joints for name in joint.muscles]
     for cycle in range(CYCLES):
         now = 1.0 + cycle * PERIOD
         q = 0.3 * math.sin(8.0 * cycle * PERIOD)
-        pressures = [2e5 + 4e4 * math.sin(11.0 * now + place) for place in range(2 * count)]
+        pressures = [0.0] * len(rig.muscles)
+        for number, place in enumerate(order):
+            pressures[place] = 2e5 + 4e4 * math.sin(11.0 * now + number)
         if cycle == 20:
             points = [TrajectoryPoint(0.3, [0.2] * count, [0.0] * count)]
             controller.references.follow(rig.joint_names, points, start=None, now=now)
@@ -73,7 +88,8 @@ def commands(name: str, designs: KeptDesigns | None = None) -> list[list[float]]
             controller.references.stream(rig.joint_names, [0.2 - 1e-3 * cycle] * count, now=now)
         output = controller.step(now, Measurement([q] * count, pressures, now - 1e-3, now - 1e-3))
         assert output.commands is not None, output.reason
-        row = list(output.commands)
+        assert sum(map(math.isnan, output.commands)) == len(rig.muscles) - len(order)
+        row = [output.commands[place] for place in order]
         for joint in output.joints:
             row += [*joint.pressures, joint.torque, joint.reference.position]
         rows.append(row)
@@ -108,6 +124,23 @@ def test_plain_python_gives_the_same_commands(
         assert close[:40].all(), name
         # fits of what is learnt solve equations, which amplify the last digit
         assert mine == pytest.approx(np.array(plain), rel=1e-9, abs=1e-9), name
+
+
+def test_the_order_of_the_muscles_in_the_rig_file_does_not_matter() -> None:
+    """Nothing is learnt here: when a valve is fitted depends on its place."""
+    rig = rigs()["two joints"]
+    first, second, third, fourth = rig.muscles
+    mixed = dataclasses.replace(rig, muscles=(fourth, second, first, third))
+    assert np.array(commands_of(mixed, adapts=False)) == pytest.approx(
+        np.array(commands_of(rig, adapts=False)), rel=1e-9, abs=1e-9
+    )
+
+
+def test_a_muscle_that_turns_no_joint_gets_no_command() -> None:
+    rig = rigs()["two joints"]
+    spare = dataclasses.replace(rig.muscles[0], name="spare")
+    more = dataclasses.replace(rig, muscles=(rig.muscles[0], spare, *rig.muscles[1:]))
+    assert commands_of(more, adapts=False) == commands_of(rig, adapts=False)
 
 
 def test_nothing_is_compiled_in_a_cycle() -> None:

@@ -38,7 +38,7 @@ TOLD: Final = ControlSettings(period=PERIOD, measurement_delay=0.0, command_dela
 
 
 @dataclass(frozen=True, slots=True)
-class Played:
+class PlayedRun:
     """How a controller played a motion.
 
     Attributes
@@ -53,6 +53,8 @@ class Played:
         Mean change of the spool commands per second of the motion [1/s].
     stopped, softened : str
         Why the controller stopped, or used soft gains; empty if it did not.
+    swings : str
+        What it told of small swings; empty if it saw none.
     """
 
     rms: float
@@ -61,6 +63,7 @@ class Played:
     activity: float
     stopped: str = ""
     softened: str = ""
+    swings: str = ""
 
     @property
     def cycles(self) -> bool:
@@ -115,7 +118,7 @@ def true_rig(rig: Rig) -> tuple[TruthJoint, Muscles]:
     return truth, (first, second)
 
 
-class Trace:
+class RunTrace:
     """What happened in a run, one row per period.
 
     Attributes
@@ -143,7 +146,7 @@ def play(
     points: Sequence[TrajectoryPoint],
     seed: int,
     goes_to: float | None = MOTIONS_BEGIN_AT,
-) -> tuple[Played, Trace]:
+) -> tuple[PlayedRun, RunTrace]:
     """Hold, go to where motions begin, follow one, hold; return the figures and what happened.
 
     The joint goes to the beginning because an encoder with a wrong zero shows another angle at
@@ -165,7 +168,7 @@ def play(
     name = controller.rig.joints[0].name
     # no law can see the zero of the encoder: the error is that of the angle without noise
     offset = joint.position_offset
-    trace, commands = Trace(count), (0.0, 0.0)
+    trace, commands = RunTrace(count), (0.0, 0.0)
     approach, begin = round(APPROACH[0] / PERIOD), round(SETTLED / PERIOD)
     stopped = ""
     for k in range(count):
@@ -194,12 +197,13 @@ def play(
     if not stopped:
         index = np.arange(resting.size)
         still = float(np.ptp(resting - np.polyval(np.polyfit(index, resting, 1), index)))
-    played = Played(
+    played = PlayedRun(
         rms=math.inf if stopped else float(np.sqrt(np.mean(error**2))),
         clipped=float(np.mean(np.abs(spools) >= CLIPPED, axis=0).max()),
         limit_cycle=still,
         activity=float(np.abs(np.diff(spools, axis=0)).sum() / motion),
         stopped=stopped,
         softened=controller.guard.softened,
+        swings=controller.guard.swings,
     )
     return played, trace

@@ -1,4 +1,4 @@
-"""`pam bringup`: show a running robot or a recording, and write its security policy."""
+"""`pam bringup`: show a running robot or a recording, write its layouts and security policy."""
 
 # PYTHON_ARGCOMPLETE_OK: shells with argcomplete complete its commands and options
 
@@ -12,8 +12,9 @@ if __name__ == "__main__":  # before the imports below, which take time
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from pam_model.argument_types import count, input_path, output_file
+from pam_model.argument_types import count, input_path, output_file, output_folder
 from pam_model.command_line import (
     Arguments,
     Command,
@@ -25,6 +26,9 @@ from pam_model.command_line import (
     chosen_rig,
     start_node,
 )
+
+if TYPE_CHECKING:
+    from pam_ros.node_help import NodeHelp
 
 
 def _declare(parser: Parser) -> None:
@@ -59,7 +63,7 @@ def _view(given: Arguments) -> Outcome:
 
     rig = load_rig(chosen_rig(given))
     blueprint = layout(rig, live=given.bag is None, narrow=given.narrow)
-    sink = RerunSink()
+    sink = RerunSink(live=given.bag is None)
     address = ""
     # the server of the page must not outlive this program
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
@@ -103,6 +107,29 @@ def _markers(arguments: Sequence[str] | None) -> int:
     return run(arguments)
 
 
+def _markers_usage() -> NodeHelp:
+    from pam_bringup.viewer.markers_help import HELP  # noqa: PLC0415
+
+    return HELP
+
+
+MARKERS = NodeCommand(
+    "markers", "publish the muscles for RViz (a ROS node)", _markers, _markers_usage
+)
+
+
+def _declare_layouts(parser: Parser) -> None:
+    parser.add_argument("out", type=output_folder, metavar="OUT", help="folder for the layouts")
+    add_rig(parser)
+    parser.add_argument("--namespace", default="", help="namespace of the robot's topics")
+
+
+def _layouts(given: Arguments) -> Outcome:
+    from pam_bringup.layouts.write import run  # noqa: PLC0415
+
+    return run(given)
+
+
 def _declare_security(parser: Parser) -> None:
     parser.add_argument("file", type=output_file, help="where to write the policy (XML)")
     add_rig(parser)
@@ -131,7 +158,14 @@ COMMANDS = (
             "pam bringup viewer out/demo/bag",
         ),
     ),
-    NodeCommand("markers", "publish the muscles for RViz (a ROS node)", _markers),
+    MARKERS,
+    Command(
+        "layouts",
+        "write the layouts of a robot for Foxglove and PlotJuggler",
+        _declare_layouts,
+        _layouts,
+        examples=("pam bringup layouts out/layouts --rig my_robot.yaml",),
+    ),
     Command(
         "security",
         "write the SROS 2 policy of a rig",
@@ -151,7 +185,7 @@ COMMANDS = (
 
 TOOL = Tool(
     "bringup",
-    "Show a running robot or a recording, and write its security policy",
+    "Show a running robot or a recording, write its layouts and security policy",
     COMMANDS,
     default="viewer",
 )
@@ -164,7 +198,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def markers() -> int:
     """Entry point of `ros2 run pam_bringup pam_markers`."""
-    return start_node(_markers)
+    return start_node(MARKERS)
 
 
 if __name__ == "__main__":

@@ -46,14 +46,14 @@ from pam_model.plant.layout import (
     Y_POSITION,
     Y_RESERVOIR,
 )
+from pam_model.plant.layout import MUSCLES as SIDES
+from pam_model.plant.mounting import locked, turned_over
 from pam_model.plant.parameters import INDEX, PlantParameters
 from pam_model.plant.sensors import K_BIAS, K_GAIN, K_OFFSET, N_MUSCLE_SENSORS, sensor_constants
 from pam_model.rig import Rig
 
 DIVERGED = 1e6
 """Largest error of a prediction in units of the noise, and that of a simulation that diverges."""
-LOCKED_INERTIA = 1e9  # kg m^2, of a joint that is locked
-LOCKED_DECAY = 100.0  # 1/s, decay of the speed that the correction of the position causes
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,15 +89,9 @@ AS_FITTED = PredictionSettings()
 
 def as_mounted(values: Array, mounting: str) -> Array:
     """Parameter vectors (lanes, n_parameters), changed for the mounting during one recording."""
-    if not mounting:
-        return values
-    mounted: Array = np.array(values)
     if mounting == TURNED_OVER:
-        mounted[:, INDEX["joint.gravity_angle"]] += np.pi
-    elif mounting == LOCKED:
-        mounted[:, INDEX["joint.inertia"]] = LOCKED_INERTIA
-        mounted[:, INDEX["joint.viscous_friction"]] = LOCKED_DECAY * LOCKED_INERTIA
-    return mounted
+        return turned_over(values)
+    return locked(values) if mounting == LOCKED else values
 
 
 def initial_state(constants: Array, sensors: Array, tables: object, data: Channels) -> Array:
@@ -151,6 +145,9 @@ class PredictionProblem:
         Number of lanes that are simulated in parallel.
     usual : PredictionSettings
         How strongly predictions are corrected where nothing else is said.
+    sides : int
+        Number of muscles that exist: 1 for a muscle on a bench, whose joint is invented
+        (`pam_gap.prediction.bench_joint`).
     """
 
     def __init__(
@@ -162,9 +159,11 @@ class PredictionProblem:
         rules: Rules = DEFAULT,
         threads: int = 1,
         usual: PredictionSettings = AS_FITTED,
+        sides: int = 2,
     ) -> None:
         self.rig = rig
         self.usual = usual
+        self.sides = SIDES[:sides]
         self.joint = joint
         self.names = channel_names(rig, joint)
         self.rules = rules
@@ -193,6 +192,16 @@ class PredictionProblem:
         )
         self.counted = self.row_time > rules.prediction.settling
         self.simulations = 0.0
+
+    @property
+    def is_bench(self) -> bool:
+        """Whether the joint is invented, and nothing of it is known but one muscle."""
+        return len(self.sides) == 1
+
+    @property
+    def muscles(self) -> tuple[str, ...]:
+        """Names of the muscles that exist."""
+        return self.rig.joints[self.joint].muscles[: len(self.sides)]
 
     @property
     def n_rows(self) -> int:
@@ -259,6 +268,7 @@ class PredictionProblem:
                 if settings.window_time > 0.0 or window
                 else None,
                 external=data.external,
+                drawn=data.drawn,
                 shut=followed or data.recording.mounting == SHUT,
                 block=self.block,
                 catch_time=rules.catch_time,

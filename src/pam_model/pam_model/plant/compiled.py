@@ -38,14 +38,18 @@ _NEVER_COMPILED = (
     "command_history",
     "compile_beside",
     "constants",
+    "default_step",
     "force_table",
     "lane_choice",
+    "lever_arm",
+    "mounting",
     "parameters",
     "plant_batch",
     "robot_plant",
     "sensors",
     "simulate",
     "trajectory",
+    "written_numbers",
 )
 
 

@@ -61,6 +61,7 @@ MUSCLE_NOMINAL = (
     C_GRAVITY,
     C_GRAVITY_ANGLE,
     C_EXTERNAL,
+    C_DRAWN,
     C_LOWER,
     C_UPPER,
     C_RT,
@@ -74,7 +75,7 @@ MUSCLE_NOMINAL = (
     C_PER_INERTIA,
     C_ARM_SLOPE,
     C_ARM_BEND,
-) = range(23)
+) = range(24)
 (
     M_TABLE,
     M_B,
@@ -86,6 +87,7 @@ MUSCLE_NOMINAL = (
     M_NEUTRAL,
     M_DEAD,
     M_FACTOR,
+    M_THRESHOLD,
     M_SHORTEST,
     M_LONGEST,
     M_TABLE_STEP,
@@ -105,7 +107,7 @@ MUSCLE_NOMINAL = (
     M_THERMAL,
     M_SHUT_EXPONENT,
     M_THREAD,
-) = range(29)
+) = range(30)
 
 
 @dataclass(frozen=True, slots=True)
