@@ -23,10 +23,10 @@ from pam_model.plant.lane_choice import lane_kernels
 from pam_model.plant.parameters import PlantParameters
 from pam_model.plant.simulate import simulate, vented_state
 from pam_model.rig import Rig, load_rig
-from pam_sim.environment import PamVectorEnv, Task
+from pam_sim.environment import EpisodeTask, PamVectorEnv
 
 ELBOW = Path(__file__).parents[1] / "config/elbow.yaml"
-TASK = Task(period=0.02, seconds=1e3)
+TASK = EpisodeTask(period=0.02, seconds=1e3)
 ROBOTS = 64
 STEPS = 100
 REPEATS = 7

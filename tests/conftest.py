@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import math
 import os
 import re
 from collections.abc import Iterator
@@ -67,6 +68,19 @@ def pytest_collection_finish() -> None:
     gc.freeze()
 
 
+@pytest.fixture(scope="session", autouse=True)
+def _nothing_is_compiled_beside(request: pytest.FixtureRequest) -> Iterator[None]:
+    """In the short run a faster kernel takes longer to compile than the diagnoses save by it."""
+    if "not long" not in request.config.option.markexpr:
+        yield
+        return
+    from pam_model.plant import compile_beside
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(compile_beside, "WORTH", math.inf)
+        yield
+
+
 @pytest.fixture(scope="session")
 def rig_path() -> Path:
     """The rig file of one elbow."""
@@ -94,7 +108,16 @@ def make_rig(rig):
 
 
 @pytest.fixture(scope="session")
-def shared_designs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[KeptDesigns]:
+def designs_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where all processes of the tests find the designs that are shared."""
+    folder = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        folder = folder.parent
+    return folder / "designs"
+
+
+@pytest.fixture(scope="session")
+def shared_designs(designs_folder: Path) -> Iterator[KeptDesigns]:
     """Joints of equal tasks are designed once for all tests, and for all of their processes.
 
     Only controllers share that are given no store of designs.
@@ -102,10 +125,7 @@ def shared_designs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[KeptDes
     from pam_control import controller
     from pam_control.feedback.kept_designs import KeptDesigns
 
-    folder = tmp_path_factory.getbasetemp()
-    if "PYTEST_XDIST_WORKER" in os.environ:
-        folder = folder.parent
-    store = KeptDesigns(folder / "designs")
+    store = KeptDesigns(designs_folder)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(controller, "KeptDesigns", lambda: store)
         yield store

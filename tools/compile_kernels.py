@@ -2,9 +2,11 @@
 
 Usage: ``.venv/bin/python tools/compile_kernels.py``. numba keeps the machine code on disk. Without
 this, the first simulation, the first diagnosis and the first tests, each in two processes at once,
-wait for it.
+wait for it. Each processor compiles one of them at a time.
 """
 
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -24,13 +26,26 @@ RIG = Path(__file__).resolve().parents[1] / "config/elbow.yaml"
 STEP = 1e-3  # s
 
 
-def main() -> None:
-    """Call each kernel once."""
-    rig = load_rig(RIG)
-    parameters = PlantParameters.from_rig(rig)
-    Controller(rig, ControlSettings())
+def controller() -> None:
+    """Compile the control cycle."""
+    Controller(load_rig(RIG), ControlSettings())
+
+
+def joint() -> None:
+    """Compile the plant of one joint, and of a joint that is a robot by itself."""
+    parameters = PlantParameters.from_rig(load_rig(RIG))
     Plant(parameters).step((0.0, 0.0), STEP)
-    RobotPlant([parameters]).step([(0.0, 0.0)], STEP)
+
+
+def robot() -> None:
+    """Compile the plant of several joints."""
+    parameters = PlantParameters.from_rig(load_rig(RIG))
+    RobotPlant([parameters] * 2).step([(0.0, 0.0)] * 2, STEP)
+
+
+def predictions() -> None:
+    """Compile what predicts a recording."""
+    parameters = PlantParameters.from_rig(load_rig(RIG))
     observe(
         derive_constants(parameters.values)[None],
         sensor_constants(parameters.values)[None],
@@ -44,6 +59,17 @@ def main() -> None:
         horizon=np.inf,
         kernels=(),
     )
+
+
+def call(compile_it: Callable[[], None]) -> None:
+    """Call it, in another process."""
+    compile_it()
+
+
+def main() -> None:
+    """Call each kernel once, those that take longest first."""
+    with ProcessPoolExecutor() as pool:
+        list(pool.map(call, (robot, predictions, joint, controller)))
 
 
 if __name__ == "__main__":

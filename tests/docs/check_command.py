@@ -13,22 +13,23 @@ import itertools
 import re
 import shlex
 from collections.abc import Callable
+from dataclasses import replace
 from importlib.metadata import entry_points
 from typing import Any
 
 import yaml
 
-from pam_bringup.viewer import markers_node
-from pam_control import controller_parameters
+from pam_bringup.viewer import markers_help
+from pam_control import controller_help, controller_parameters
 from pam_driver import driver_parameters
-from pam_gap.experiments import play_node
-from pam_gap.live import monitor_node
-from pam_model import model_node
+from pam_gap.experiments import play_help
+from pam_gap.live import monitor_help
+from pam_model import model_help
 from pam_model.command_line import NodeCommand, Tool
-from pam_robot import robot_node
+from pam_robot import robot_help, robot_node
 from pam_ros.node_arguments import arguments_by_node
 from pam_ros.node_help import NodeHelp
-from pam_sim import rig_node
+from pam_sim import rig_help
 
 from .pages import ROOT
 
@@ -53,13 +54,17 @@ RECORDED = {
     "supply_pressure",
 }  # fmt: skip
 PATH_TYPES = {"input_file", "input_path", "input_folder", "output_file", "output_folder"}
+CONTROLLER = replace(
+    controller_help.HELP, parameters=controller_parameters.parameter_table(("<joint>",))
+)
+"""With the parameters, which its own help leaves to `pam control parameters`."""
 NODES = (
-    driver_parameters.HELP, controller_parameters.HELP, model_node.HELP, rig_node.HELP,
-    monitor_node.HELP, play_node.HELP, markers_node.HELP, robot_node.HELP,
+    driver_parameters.HELP, CONTROLLER, model_help.HELP, rig_help.HELP,
+    monitor_help.HELP, play_help.HELP, markers_help.HELP, robot_help.HELP,
 )  # fmt: skip
 
 
-IN_ONE_PROCESS = (driver_parameters.HELP, controller_parameters.HELP, model_node.HELP)
+IN_ONE_PROCESS = (driver_parameters.HELP, CONTROLLER, model_help.HELP)
 
 
 class _WrongError(Exception):
@@ -184,7 +189,7 @@ class _Parser(argparse.ArgumentParser):
 
 def _node(usage: NodeHelp, words: list[str]) -> None:
     """Check the parameters that a node is given by -p."""
-    if usage is robot_node.HELP:
+    if usage is robot_help.HELP:
         _, by_node = arguments_by_node(words, robot_node.NODES)
         for part in IN_ONE_PROCESS:
             _node(part, by_node[f"pam_{part.program.split()[-2]}".replace("control", "controller")])

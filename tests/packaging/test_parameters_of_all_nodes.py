@@ -20,6 +20,7 @@ from rclpy.context import Context  # noqa: E402
 from rclpy.node import Node  # noqa: E402
 from rclpy.parameter import Parameter as RosParameter  # noqa: E402
 
+from pam_control.controller_parameters import parameter_table  # noqa: E402
 from pam_model.rig import described_key, load_rig, rig_of_node  # noqa: E402
 from pam_model.rig.keys import NUMBERS  # noqa: E402
 from pam_ros.parameters import NodeParameters  # noqa: E402
@@ -65,6 +66,8 @@ CASES += [(FILES[0], "elbow_vendor_dbc.yaml"), (FILES[0], "elbow_canopen.yaml")]
 def test_every_parameter_is_described(context: Context, path: Path, rig_file: str) -> None:
     module = module_of(path)
     rig = load_rig(ROOT / "config" / rig_file)
+    # the help of the controller leaves its many parameters to `pam control parameters`
+    table = module.HELP.parameters or parameter_table(rig.joint_names)
     given = flat(rig.to_parameters())
     node = Node(
         module.NAME,
@@ -74,11 +77,8 @@ def test_every_parameter_is_described(context: Context, path: Path, rig_file: st
         start_parameter_services=False,
     )
     try:
-        NodeParameters(
-            node, module.HELP.parameters, rig_of_node, describe=described_key,
-            usual_name=module.NAME,
-        )  # fmt: skip
-        changeable = {p.name for p in module.HELP.parameters if p.changeable}
+        NodeParameters(node, table, rig_of_node, describe=described_key, usual_name=module.NAME)
+        changeable = {p.name for p in table if p.changeable}
         for name, parameter in node.get_parameters_by_prefix("").items():
             if name in ("use_sim_time", "start_type_description_service"):
                 continue

@@ -12,7 +12,7 @@ import yaml
 
 from pam_bringup.security.policy import POLICY, rights_of
 from pam_control.actions.follow_trajectory import NAME as ACTION
-from pam_control.controller_parameters import HELP as CONTROLLER
+from pam_control.controller_help import HELP as CONTROLLER
 from pam_driver.driver_parameters import HELP as DRIVER
 from pam_model.rig import load_rig
 from pam_model.robot import compose

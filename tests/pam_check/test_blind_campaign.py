@@ -10,7 +10,7 @@ import pytest
 from matplotlib.axes import Axes
 
 from pam_check.blind import diagnosing_process
-from pam_check.blind.campaign import Drawn, run_campaign
+from pam_check.blind.campaign import DrawnFrom, run_campaign
 from pam_check.blind.diagnosing_process import DiagnosingProcess
 from pam_check.blind.score import reliability, reliability_of_causes
 from pam_check.blind.score_plots import draw_reliability
@@ -71,7 +71,7 @@ def test_an_interrupted_campaign_goes_on_where_it_stopped(
 ) -> None:
     begun: list[str] = []
 
-    def draw(drawn: Drawn, out: Path) -> str:
+    def draw(drawn: DrawnFrom, out: Path) -> str:
         names = [f"{k:03d}" for k in range(drawn.cases)]
         for name in names:
             (out / "cases" / name).mkdir(parents=True)

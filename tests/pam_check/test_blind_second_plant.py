@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from pam_check.blind.campaign import Drawn
+from pam_check.blind.campaign import DrawnFrom
 from pam_check.blind.cases import make_cases, rig_parameters
 from pam_check.blind.draw import Draw, draw_excitation
 from pam_check.blind.effect_cases import KNOWN, OUTSIDE, case_of, stage_of
@@ -25,7 +25,7 @@ from pam_check.blind.second_laws import (
 )
 from pam_check.blind.second_plant import STEP, laminar, muscle_of, run_second, tube_of
 from pam_check.blind.truth_plant import (
-    Excitation,
+    PressureExcitation,
     Sensors,
     SupplyWander,
     TruthJoint,
@@ -50,10 +50,10 @@ pytest.importorskip("numba", reason="the plants are some 300 times slower withou
 Vector = npt.NDArray[np.float64]
 
 
-def motion(seconds: float = 5.0) -> Excitation:
+def motion(seconds: float = 5.0) -> PressureExcitation:
     time = np.arange(round(seconds / DT)) * DT
     wave = 7e4 * np.sin(2 * math.pi * 0.6 * time) * np.clip(time, 0, 1)
-    return Excitation(np.full(time.size, 2.4e5), wave, np.zeros(time.size), DT)
+    return PressureExcitation(np.full(time.size, 2.4e5), wave, np.zeros(time.size), DT)
 
 
 def run(
@@ -282,11 +282,11 @@ def test_both_plants_get_the_same_draw(tmp_path: Path, monkeypatch: pytest.Monke
 
 
 def test_a_campaign_of_one_plant_is_not_resumed_with_the_other(tmp_path: Path) -> None:
-    Drawn(2, 5, False).seal(tmp_path, "digest")
-    assert Drawn(2, 5, False).sealed_in(tmp_path) == "digest"
+    DrawnFrom(2, 5, False).seal(tmp_path, "digest")
+    assert DrawnFrom(2, 5, False).sealed_in(tmp_path) == "digest"
     with pytest.raises(PamError, match="--plant"):
-        Drawn(2, 5, False, "second").sealed_in(tmp_path)
+        DrawnFrom(2, 5, False, "second").sealed_in(tmp_path)
     seal = tmp_path / "seal.json"
     seal.write_text(seal.read_text().replace(',\n  "plant": "first"', ""))
     assert '"plant"' not in seal.read_text()
-    assert Drawn(2, 5, False).sealed_in(tmp_path) == "digest"
+    assert DrawnFrom(2, 5, False).sealed_in(tmp_path) == "digest"

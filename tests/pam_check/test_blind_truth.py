@@ -9,7 +9,13 @@ from pam_check.blind.cases import rig_parameters
 from pam_check.blind.draw import Draw
 from pam_check.blind.effect_cases import KNOWN, OUTSIDE, case_of, stage_of
 from pam_check.blind.score import CLEAR_GAP, reported_set, score, share
-from pam_check.blind.truth_plant import Excitation, Sensors, TruthJoint, TruthMuscle, run_truth
+from pam_check.blind.truth_plant import (
+    PressureExcitation,
+    Sensors,
+    TruthJoint,
+    TruthMuscle,
+    run_truth,
+)
 from pam_model.effects import EFFECTS
 from pam_model.plant.parameters import PlantParameters
 from pam_model.plant.simulate import initial_state, simulate
@@ -21,9 +27,9 @@ QUIET = Sensors(0.0, 1e-3, 0.0, 1e-9, 0.0, 1e-6)
 pytest.importorskip("numba", reason="the truth plant is some 300 times slower without numba")
 
 
-def motion(seconds: float = 8.0, dt: float = 0.002) -> Excitation:
+def motion(seconds: float = 8.0, dt: float = 0.002) -> PressureExcitation:
     time = np.arange(round(seconds / dt)) * dt
-    return Excitation(
+    return PressureExcitation(
         np.full(time.size, 2.4e5),
         7e4 * np.sin(2 * math.pi * 0.4 * time) * np.clip(time, 0, 1),
         np.zeros(time.size),

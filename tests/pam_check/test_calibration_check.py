@@ -26,7 +26,7 @@ from pam_check.calibration.drawn_rig import (
     OF_JOINT,
     OF_LENGTH,
     THIRD,
-    DrawnRig,
+    CalibrationRig,
     draw_rig,
     draw_true_rig,
     exchange,
@@ -43,11 +43,11 @@ from pam_model.rig.partial import load_partial_rig
 
 
 @pytest.fixture(scope="module")
-def drawn() -> DrawnRig:
+def drawn() -> CalibrationRig:
     return draw_rig(np.random.default_rng(4))
 
 
-def _written(drawn: DrawnRig, key: str) -> float | None:
+def _written(drawn: CalibrationRig, key: str) -> float | None:
     tree: object = drawn.parameters
     for step in key.split("."):
         assert isinstance(tree, dict)
@@ -58,7 +58,7 @@ def _written(drawn: DrawnRig, key: str) -> float | None:
     return tree
 
 
-def test_every_number_of_the_rig_file_is_off_within_what_is_said(drawn: DrawnRig) -> None:
+def test_every_number_of_the_rig_file_is_off_within_what_is_said(drawn: CalibrationRig) -> None:
     off = {}
     for key, true in drawn.truth.items():
         written = _written(drawn, key)
@@ -74,7 +74,7 @@ def test_every_number_of_the_rig_file_is_off_within_what_is_said(drawn: DrawnRig
     assert any(name in k for k in others for name in OF_JOINT)
 
 
-def test_the_log_is_as_the_pages_ask_for(drawn: DrawnRig) -> None:
+def test_the_log_is_as_the_pages_ask_for(drawn: CalibrationRig) -> None:
     time = drawn.log["time"].to_numpy()
     assert time[-1] - time[0] == pytest.approx(40.0, abs=0.1)
     assert np.median(np.diff(time)) <= 1.0 / 200.0 + 1e-5
@@ -82,14 +82,14 @@ def test_the_log_is_as_the_pages_ask_for(drawn: DrawnRig) -> None:
 
 
 @pytest.mark.parametrize("what", EXCHANGES)
-def test_an_exchange_changes_the_log_and_undoes_itself(drawn: DrawnRig, what: str) -> None:
+def test_an_exchange_changes_the_log_and_undoes_itself(drawn: CalibrationRig, what: str) -> None:
     once = exchange(drawn.log, what)
     assert not once[sorted(once)].equals(drawn.log[sorted(drawn.log)])
     twice = exchange(once, what)
     assert twice[sorted(twice)].equals(drawn.log[sorted(drawn.log)])
 
 
-def test_the_comparison_sees_errors_and_ratios(drawn: DrawnRig) -> None:
+def test_the_comparison_sees_errors_and_ratios(drawn: CalibrationRig) -> None:
     found = [
         CalibratedNumber(
             key, "-", "body", true, true * (1.1 if key == "elbow.inertia" else 1.0),
@@ -111,7 +111,7 @@ def test_the_comparison_sees_errors_and_ratios(drawn: DrawnRig) -> None:
     assert result["exchanges_tried"] == [1, 2]
 
 
-def test_the_torque_per_pressure_grows_with_the_pulley(drawn: DrawnRig) -> None:
+def test_the_torque_per_pressure_grows_with_the_pulley(drawn: CalibrationRig) -> None:
     truth = dict(drawn.truth)
     base = torque_per_pressure(truth)
     truth["elbow.pulley_radius"] *= 2.0

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pam_check.control.closed_loop import PERIOD, TOLD, Trace, true_rig
+from pam_check.control.closed_loop import PERIOD, TOLD, RunTrace, true_rig
 from pam_check.control.feedback_cost import air_taken, measured
 from pam_check.control.rough_control import RoughControl
 from pam_model.rig import load_rig
@@ -29,7 +29,7 @@ def test_the_default_feedback_yields_much_less_than_one_set_without_a_lead(rough
 
 def test_a_valve_that_is_open_to_a_low_pressure_takes_its_sonic_flow(rough):
     _, muscles = true_rig(rough.rig)
-    trace = Trace(100)
+    trace = RunTrace(100)
     trace.pressures[:] = 0.0
     trace.commands[:, 0] = 0.5
     flow = 0.5 * muscles[0].sonic_conductance * rough.rig.supply_pressure * 1e3

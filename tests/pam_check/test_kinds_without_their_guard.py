@@ -13,7 +13,7 @@ import pytest
 
 from pam_check.faults.campaign import in_a_fork
 from pam_check.faults.trial import run_trial
-from pam_control.loop_guard import LoopGuard, Verdict
+from pam_control.loop_guard import GuardAction, LoopGuard
 from pam_control.references.motion_limiter import MotionLimits
 from pam_driver import fault_judge
 from pam_driver.board_set import BoardSet
@@ -50,7 +50,7 @@ def commands_stay_young(chain: Any, patch: Patch) -> None:
 def nobody_watches_the_loop(chain: Any, patch: Patch) -> None:
     patch.setattr(LoopWatch, "conditions", lambda watch: ())
     patch.setattr(JointSpeedWatch, "conditions", lambda watch, now: ())
-    patch.setattr(LoopGuard, "judge", lambda *_: Verdict.NOTHING)
+    patch.setattr(LoopGuard, "judge", lambda *_: GuardAction.NOTHING)
     patch.setattr(PressurePlausibility, "deviations", lambda check: ())
 
 

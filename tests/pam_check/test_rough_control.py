@@ -13,11 +13,11 @@ import pytest
 from pam_check.__main__ import main
 from pam_check.blind.effect_cases import KNOWN, size_of
 from pam_check.blind.hidden_size import CLEAN
-from pam_check.blind.truth_plant import Excitation, Sensors, run_truth
+from pam_check.blind.truth_plant import PressureExcitation, Sensors, run_truth
 from pam_check.control.closed_loop import PERIOD, TOLD, play, true_rig
 from pam_check.control.rough_control import RoughControl
 from pam_check.control.running_truth import RunningTruth
-from pam_check.control.tuned_pid import Bench, tune
+from pam_check.control.tuned_pid import TuningBench, tune
 from pam_control.control_step import Measurement
 from pam_control.controller import Controller
 from pam_control.references.trajectory import TrajectoryPoint
@@ -40,7 +40,7 @@ def test_the_plant_sample_by_sample_is_the_plant_of_the_blind_check(rough):
     wave = 0.1 * np.sin(np.arange(count) * 0.05)
     commands = np.stack([wave, -wave], axis=1)
     flat = np.full(count, 2e5)
-    excitation = Excitation(flat, np.zeros(count), np.zeros(count), PERIOD)
+    excitation = PressureExcitation(flat, np.zeros(count), np.zeros(count), PERIOD)
     whole = run_truth(
         joint, muscles, excitation, sensors, np.random.default_rng(0), fixed_commands=commands
     )
@@ -112,7 +112,7 @@ def test_the_controller_tracks_the_independent_plant_that_is_its_rig_file(rough)
 def test_a_fitted_feedforward_serves_the_pid_on_the_rig_that_it_was_fitted_to(rough):
     """The fit is what makes the baseline a fair one, on a rig that is not its rig file."""
     joint, muscles = rough.hidden("payload")
-    bench = Bench(rough.rig, joint, muscles, rough.motions, 5, rough.designs)
+    bench = TuningBench(rough.rig, joint, muscles, rough.motions, 5, rough.designs)
     first = bench.first()
     before = bench.play(first)
     after = bench.play(bench.fitted(first, before))
@@ -124,7 +124,7 @@ def test_a_fitted_feedforward_serves_the_pid_on_the_rig_that_it_was_fitted_to(ro
 def test_the_baseline_is_tuned_where_the_gains_of_the_rig_file_swing(rough):
     """A search that begins among gains that swing stays there, and is easily beaten."""
     joint, muscles = rough.hidden("position_delay")
-    bench = Bench(rough.rig, joint, muscles, {"arm": rough.motions["arm"]}, 5, rough.designs)
+    bench = TuningBench(rough.rig, joint, muscles, {"arm": rough.motions["arm"]}, 5, rough.designs)
     first = bench.play(bench.first())["arm"][0]
     tuned = bench.play(tune(bench, 10, pressure_loops=False))["arm"][0]
     assert not tuned.cycles
@@ -143,7 +143,7 @@ def test_gains_that_were_tuned_with_other_code_are_searched_again(rough, monkeyp
 def test_a_loop_that_oscillates_is_reported_as_a_limit_cycle(rough):
     joint, muscles = rough.hidden("command_delay")
     reach = [TrajectoryPoint(0.4, [0.3])]
-    bench = Bench(rough.rig, joint, muscles, {"reach": reach}, 5, rough.designs)
+    bench = TuningBench(rough.rig, joint, muscles, {"reach": reach}, 5, rough.designs)
     wild, _ = bench.play(bench.scaled(bench.first(), 10.0))["reach"]
     assert wild.cycles
     calm, _ = play(rough.controller, *true_rig(rough.rig), reach, 5)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pam_check.control.closed_loop import true_rig
-from pam_check.control.trained_policy import START, Policy, Search, train, tried
+from pam_check.control.trained_policy import START, CrossEntropySearch, Policy, train, tried
 from pam_model.plant.compiled import HAVE_NUMBA
 from pam_model.rig import Rig, load_rig
 from pam_sim.randomisation import Randomisation
@@ -31,7 +31,7 @@ def test_a_policy_opens_the_valves_towards_the_target() -> None:
 @pytest.mark.long("the environment and its plant have tests of their own; this one is a search")
 def test_training_brings_the_joint_to_the_target_on_the_unseen_plant(rig: Rig) -> None:
     untrained = tried(START, rig, *true_rig(rig), 3, seconds=10.0)
-    numbers = train(rig, Randomisation(), Search(24, 1, 8), seed=3)
+    numbers = train(rig, Randomisation(), CrossEntropySearch(24, 1, 8), seed=3)
     trained = tried(numbers, rig, *true_rig(rig), 3, seconds=10.0)
     assert np.array_equal(untrained.target, trained.target)
     assert trained.rms < 0.7 * untrained.rms

@@ -23,10 +23,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pam_control.compensation.dry_friction import DryFriction
+from pam_control.compensation.dry_friction import JointFriction
 from pam_control.feedback.supply_reservoir import SupplyReservoir
 from pam_control.joint_models import JointModels
 from pam_control.joint_scale import JointScale
+from pam_control.rows.muscle_table import MuscleTable
 from pam_control.settings import ControlSettings
 from pam_driver.boards.protocol import NEVER, Sample
 from pam_driver.driver_settings import DriverSettings
@@ -240,14 +241,14 @@ ARGUMENTS: dict[str, Callable[[Robot], Any]] = {
     "stiffnesses": lambda robot: (8.0, 14.0),
     "muscles": lambda robot: robot.muscles[:2],
     "pulley_radius": lambda robot: robot.joints[0].arms[0].length,
-    "friction": lambda robot: DryFriction.from_joint(robot.joints[0]),
+    "friction": lambda robot: JointFriction.from_joint(robot.joints[0]),
     "model": statics_of,
     "gas_space": lambda robot: statics_of(robot).agonist,
     "reservoir": SupplyReservoir,
     "models": lambda robot: JointModels.of(robot, robot.joints[0], 5e3),
     "dynamics": lambda robot: InverseDynamics.from_joint(robot.joints[0]),
     "scale": lambda robot: JointScale.of(robot.joints[0], statics_of(robot)),
-    "dry_friction": lambda robot: DryFriction.from_joint(robot.joints[0]),
+    "dry_friction": lambda robot: JointFriction.from_joint(robot.joints[0]),
     "pressure_lag": lambda robot: 0.01,
 }
 """Arguments by their names; each list has its order from the robot."""
@@ -262,6 +263,7 @@ OF_CONSUMER: dict[str, dict[str, Callable[[Robot], Any] | None]] = {
     },
     "PressureLoops": {
         "joints": lambda robot: [JointModels.of(robot, joint, 5e3) for joint in robot.joints],
+        "table": MuscleTable.of,
         "numbers": lambda robot: for_kernel(joint_numbers(robot)),
     },
     "operating_point": {"pressures": lambda robot: (2e5, 1.5e5)},
@@ -393,7 +395,7 @@ def test_the_driver_safety_and_the_views_are_among_the_consumers() -> None:
         "ExhaustWatch",
         "JointEstimator",
         "JointSpeedWatch",
-        "Lowering",
+        "LoweringSetpoints",
         "PressurePlausibility",
         "exhaust_timeout",
         "filling_rate",

@@ -34,6 +34,7 @@ from pam_control.rows.loop_rows import (
     V_INSIDE,
     V_SINCE,
 )
+from pam_control.rows.muscle_table import MuscleTable
 from pam_control.rows.plan_rows import N_MEMORY, N_PLAN, Y_ADAPTED
 from pam_control.settings import ControlSettings
 from pam_model.plant.compiled import for_kernel
@@ -422,7 +423,7 @@ def test_a_muscle_that_is_empty_or_at_the_supply_does_not_end_the_control_loop(r
     robot = compose(rig)
     joints = [JointModels.of(robot, robot.joints[0], 0.0)]
     numbers = for_kernel(joint_numbers(robot))
-    loops = PressureLoops(robot, joints, SupplyReservoir(robot), numbers)
+    loops = PressureLoops(robot, joints, MuscleTable.of(robot), SupplyReservoir(robot), numbers)
     loops.use(0, ControlSettings(pressure_gain=15.0, lead_ratio=0.4), True, 0.005)
     rate = 1e5 if pressure else -1e5
     for cycle in range(50):

@@ -16,7 +16,7 @@ from pam_control.command_intake import CommandIntake
 from pam_control.control_step import Measurement
 from pam_control.controller import Controller
 from pam_control.references.reference_generator import ReferenceGenerator
-from pam_control.references.test_motion import test_motion as small_motion
+from pam_control.references.sine_burst import sine_burst
 from pam_control.references.trajectory import CommandError, check_trajectory
 from pam_control.references.trajectory import TrajectoryPoint as Point
 from pam_control.settings import ControlSettings
@@ -144,4 +144,4 @@ def test_through_the_intake(at_the_stop, rig) -> None:
 def test_a_small_test_motion_that_just_fits_is_taken() -> None:
     references = generator()
     references.hold({"elbow": 0.9})
-    references.follow(["elbow"], small_motion(0.9, 0.1, 1.5), start=None, now=0.0)
+    references.follow(["elbow"], sine_burst(0.9, 0.1, 1.5), start=None, now=0.0)

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from pam_control.compensation.dry_friction import SMOOTHING_SPEED, DryFriction, friction_change
+from pam_control.compensation.dry_friction import SMOOTHING_SPEED, JointFriction, friction_change
 from pam_control.compensation.history_torque import history_torque
 from pam_control.joint_models import JointModels
 from pam_control.laws.position_rows import PositionRows
@@ -64,8 +64,8 @@ def along(rig):
     return torque
 
 
-def friction_of(rig, joint) -> DryFriction:
-    return DryFriction.from_joint(compose(rig.with_joint(joint)).joints[0])
+def friction_of(rig, joint) -> JointFriction:
+    return JointFriction.from_joint(compose(rig.with_joint(joint)).joints[0])
 
 
 def test_dry_friction_is_odd_and_saturates(rig):

@@ -15,6 +15,7 @@ import pytest
 
 from pam_control.control_step import Measurement
 from pam_control.controller import Controller
+from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.references.trajectory import TrajectoryPoint
 from pam_control.settings import ControlSettings
 from pam_model.joints.affine_inverse import affine_line, affine_pressures
@@ -53,16 +54,25 @@ def rigs() -> dict[str, Rig]:
     }
 
 
-def commands(name: str) -> list[list[float]]:
+def commands(name: str, designs: KeptDesigns | None = None) -> list[list[float]]:
     """Commands and desired pressures of a motion, without a plant; what is learnt is used."""
-    rig = rigs()[name]
-    settings = ControlSettings(observer=True, observer_bandwidth=5.0)
-    controller, rows = Controller(rig, settings), []
+    return commands_of(rigs()[name], designs=designs)
+
+
+def commands_of(
+    rig: Rig, *, adapts: bool = True, designs: KeptDesigns | None = None
+) -> list[list[float]]:
+    """The same of any rig, whose muscles are measured in the order of the joints."""
+    settings = ControlSettings(observer=True, observer_bandwidth=5.0, adaptation=adapts)
+    controller, rows = Controller(rig, settings, designs=designs), []
     count = len(rig.joints)
+    order = [rig.muscle_names.index(name) for joint in rig.joints for name in joint.muscles]
     for cycle in range(CYCLES):
         now = 1.0 + cycle * PERIOD
         q = 0.3 * math.sin(8.0 * cycle * PERIOD)
-        pressures = [2e5 + 4e4 * math.sin(11.0 * now + place) for place in range(2 * count)]
+        pressures = [0.0] * len(rig.muscles)
+        for number, place in enumerate(order):
+            pressures[place] = 2e5 + 4e4 * math.sin(11.0 * now + number)
         if cycle == 20:
             points = [TrajectoryPoint(0.3, [0.2] * count, [0.0] * count)]
             controller.references.follow(rig.joint_names, points, start=None, now=now)
@@ -70,7 +80,8 @@ def commands(name: str) -> list[list[float]]:
             controller.references.stream(rig.joint_names, [0.2 - 1e-3 * cycle] * count, now=now)
         output = controller.step(now, Measurement([q] * count, pressures, now - 1e-3, now - 1e-3))
         assert output.commands is not None, output.reason
-        row = list(output.commands)
+        assert sum(map(math.isnan, output.commands)) == len(rig.muscles) - len(order)
+        row = [output.commands[place] for place in order]
         for joint in output.joints:
             row += [*joint.pressures, joint.torque, joint.reference.position]
         rows.append(row)
@@ -78,26 +89,50 @@ def commands(name: str) -> list[list[float]]:
 
 
 @pytest.mark.skipif(not HAVE_NUMBA, reason="needs numba")
-def test_plain_python_gives_the_same_commands() -> None:
-    """In a process of its own, because the package decides at its import."""
+def test_plain_python_gives_the_same_commands(
+    shared_designs: KeptDesigns, designs_folder: Path
+) -> None:
+    """In a process of its own, because the package decides at its import.
+
+    It reads the gains that are designed here: to design them again would take most of its time.
+    """
+    compiled = {name: np.array(commands(name, shared_designs)) for name in rigs()}
     program = (
-        "import json, sys; from test_compiled_cycle import commands, rigs;"
-        "json.dump({name: commands(name) for name in rigs()}, sys.stdout)"
+        "import json, pathlib, sys; from test_compiled_cycle import KeptDesigns, commands, rigs;"
+        "kept = KeptDesigns(pathlib.Path(sys.argv[1]));"
+        "json.dump({name: commands(name, kept) for name in rigs()}, sys.stdout)"
     )
     environment = {**os.environ, "PAM_NO_NUMBA": "1"}
     folder = os.pathsep.join((str(Path(__file__).parent), os.environ.get("PYTHONPATH", "")))
     done = subprocess.run(
-        [sys.executable, "-c", program],
+        [sys.executable, "-c", program, str(designs_folder)],
         env={**environment, "PYTHONPATH": folder},
         capture_output=True, text=True, check=True,
     )  # fmt: skip
     for name, plain in json.loads(done.stdout).items():
-        mine = np.array(commands(name))
+        mine = compiled[name]
         assert np.abs(mine).max() > 0.0
         close = np.abs(mine - plain) <= 1e-12 * np.maximum(np.abs(mine), 1.0)
         assert close[:40].all(), name
         # fits of what is learnt solve equations, which amplify the last digit
         assert mine == pytest.approx(np.array(plain), rel=1e-9, abs=1e-9), name
+
+
+def test_the_order_of_the_muscles_in_the_rig_file_does_not_matter() -> None:
+    """Nothing is learnt here: when a valve is fitted depends on its place."""
+    rig = rigs()["two joints"]
+    first, second, third, fourth = rig.muscles
+    mixed = dataclasses.replace(rig, muscles=(fourth, second, first, third))
+    assert np.array(commands_of(mixed, adapts=False)) == pytest.approx(
+        np.array(commands_of(rig, adapts=False)), rel=1e-9, abs=1e-9
+    )
+
+
+def test_a_muscle_that_turns_no_joint_gets_no_command() -> None:
+    rig = rigs()["two joints"]
+    spare = dataclasses.replace(rig.muscles[0], name="spare")
+    more = dataclasses.replace(rig, muscles=(rig.muscles[0], spare, *rig.muscles[1:]))
+    assert commands_of(more, adapts=False) == commands_of(rig, adapts=False)
 
 
 def test_nothing_is_compiled_in_a_cycle() -> None:

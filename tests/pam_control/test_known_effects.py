@@ -30,6 +30,7 @@ COMPENSATED = {
     "creep": {"ratio": 0.3, "time_constant": 3.0},
     "bladder_elasticity": {"linear": 1500.0},
     "end_caps": {"factor": 1.15},
+    "threshold_pressure": {"pressure": 4e4},
     "braid_extensibility": {"compliance": 3e-7},
     "cable_compliance": {"compliance": 2e-5},
     "coulomb_friction": {"torque": 0.5},

@@ -26,7 +26,7 @@ from pam_control.learning.learnt_file import (
     read_motions,
 )
 from pam_control.learning.motion_learner import MotionLearner
-from pam_control.learning.repeated_motion import TAIL, Learnt, Recording, RepeatedMotion
+from pam_control.learning.repeated_motion import TAIL, Learnt, RepeatedMotion, RepetitionRecord
 from pam_control.references.spline import JointSpline, Waypoint
 from pam_control.settings import ControlSettings
 from pam_model.errors import PamError
@@ -178,7 +178,7 @@ class Adding:
 
 def recording(error, path=0.1):
     times = [PERIOD * k for k in range(11)]
-    return Recording(times, [error] * 11, [0.0] * 11, [path] * 11)
+    return RepetitionRecord(times, [error] * 11, [0.0] * 11, [path] * 11)
 
 
 def test_a_worse_repetition_ends_the_learning_and_the_best_is_used():
@@ -204,7 +204,7 @@ def test_what_does_not_repeat_averages_out():
         played = 0.0 if motion.played is None else motion.played.correction
         error = wanted - played + noise * random.standard_normal(count)
         times = [PERIOD * k for k in range(count + 1)]
-        motion.take(Recording(times, [*error, 0.0], [0.0] * len(times), [0.1] * len(times)))
+        motion.take(RepetitionRecord(times, [*error, 0.0], [0.0] * len(times), [0.1] * len(times)))
         shares.append(motion.share)
     assert shares[0] == 1.0
     assert motion.ended == ""
@@ -231,11 +231,11 @@ def test_another_motion_under_the_same_name_is_not_mixed_with_it():
 def test_late_cycles_do_not_matter_and_missing_ones_teach_nothing():
     motion = RepeatedMotion(Adding(), PERIOD, 1)
     times = [PERIOD * k + 5e-4 * (k % 2) for k in range(11)]
-    motion.take(Recording(times, [0.01] * 11, [0.0] * 11, [0.1] * 11))
+    motion.take(RepetitionRecord(times, [0.01] * 11, [0.0] * 11, [0.1] * 11))
     motion.take(recording(0.006))
     assert motion.history == pytest.approx([0.01, 0.006])
     late = [*times[:6], *(time + 0.1 for time in times[6:])]
-    motion.take(Recording(late, [0.5] * 11, [0.0] * 11, [0.1] * 11))
+    motion.take(RepetitionRecord(late, [0.5] * 11, [0.0] * 11, [0.1] * 11))
     assert len(motion.history) == 2
     assert motion.ended == ""
 
@@ -244,7 +244,7 @@ def test_what_was_recorded_is_not_played_before_the_motion_begins():
     """The first recorded torque looks ahead; some cycles too early it would kick the joint."""
     motion = RepeatedMotion(Adding(), PERIOD, 1)
     times = [PERIOD * k for k in range(200)]
-    motion.take(Recording(times, [0.01] * 200, [0.2] * 200, [0.1] * 200))
+    motion.take(RepetitionRecord(times, [0.01] * 200, [0.2] * 200, [0.1] * 200))
     learner = MotionLearner(motion)
     end = 5.0 + PERIOD * 200 - TAIL
     learner.follow(JointSpline([Waypoint(5.0, 0.1, 0.0, 0.0), Waypoint(end, 0.1, 0.0, 0.0)]))

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from pam_control.control_step import JointTelemetry, Motion
+from pam_control.control_step import JointTelemetry, MeasuredMotion
 from pam_control.controller import Controller
 from pam_control.feedback.swing_watch import Reversals, SwingWatch
-from pam_control.loop_guard import PAUSE, LoopGuard, Means, Verdict
+from pam_control.loop_guard import PAUSE, GuardAction, LoopGuard, Means
 from pam_control.references.spline import JointReference
 from pam_control.references.trajectory import TrajectoryPoint
 from pam_control.settings import ControlSettings
@@ -187,12 +187,12 @@ def swinging(guard, behind_tube=0, steps=2, size=lambda time: 6e-3, hertz=5.0):
         time = k * PERIOD
         error = 0.5 * size(time) * np.sin(2.0 * np.pi * hertz * time)
         joint = JointTelemetry(
-            JointReference(0.0), Motion(-error, 0.0, time), error, behind_tube=behind_tube
+            JointReference(0.0), MeasuredMotion(-error, 0.0, time), error, behind_tube=behind_tube
         )
         verdict = guard.judge(time, [joint], 0.3, means)
-        if verdict is not Verdict.NOTHING:
+        if verdict is not GuardAction.NOTHING:
             asked.append((time, verdict))
-        if verdict is Verdict.STOP:
+        if verdict is GuardAction.STOP:
             break
     return asked
 
@@ -200,8 +200,8 @@ def swinging(guard, behind_tube=0, steps=2, size=lambda time: 6e-3, hertz=5.0):
 def test_swings_that_grow_lower_the_gains_then_bring_the_soft_ones_then_stop(rig):
     guard = LoopGuard(compose(rig).joints)
     asked = swinging(guard, size=lambda time: 4e-3 * (1.0 + time))
-    lower, soften = Verdict.LOWER, Verdict.SOFTEN
-    assert [verdict for _, verdict in asked] == [lower, lower, soften, Verdict.STOP]
+    lower, soften = GuardAction.LOWER, GuardAction.SOFTEN
+    assert [verdict for _, verdict in asked] == [lower, lower, soften, GuardAction.STOP]
     times = [time for time, _ in asked]
     assert times[0] < 3.0
     assert np.diff(times).min() > PAUSE
@@ -211,7 +211,7 @@ def test_swings_that_grow_lower_the_gains_then_bring_the_soft_ones_then_stop(rig
 
 def test_swings_that_do_not_grow_are_told_and_leave_the_adaptation_at_work(rig):
     guard = LoopGuard(compose(rig).joints)
-    assert [verdict for _, verdict in swinging(guard)] == [Verdict.LOWER, Verdict.LOWER]
+    assert [verdict for _, verdict in swinging(guard)] == [GuardAction.LOWER, GuardAction.LOWER]
     assert (guard.softened, guard.stopped) == ("", "")
     assert guard.swings
 

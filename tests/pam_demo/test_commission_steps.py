@@ -22,7 +22,7 @@ from pam_demo.commission.least_favourable import (
 from pam_demo.commission.motion_loop import NEARLY_EMPTY, scale_of
 from pam_demo.commission.motions import filling, staircase, steps
 from pam_demo.commission.play import play, start_up_check, touch
-from pam_demo.commission.robot_port import Reading
+from pam_demo.commission.robot_port import JointReading
 from pam_demo.commission.watch import Limits, Seen, watched
 from pam_gap.calibration.calibration import DETERMINED, KEPT, CalibratedNumber
 from pam_gap.calibration.calibration_rules import CalibrationRules
@@ -52,15 +52,17 @@ def known(elbow: Rig) -> tuple[Known, ...]:
 @pytest.mark.parametrize(
     ("reading", "word"),
     [
-        (Reading(1.0, math.nan, (1e5, 1e5)), "missing"),
-        (Reading(1.0, 0.0, (1e5, math.nan)), "missing"),
-        (Reading(1.0, 0.0, (1e5, 4.9e5)), "Pa"),
-        (Reading(1.0, 0.2, (1e5, 1e5)), "rad/s"),
-        (Reading(1.0, 0.97, (1e5, 1e5)), "end of its range"),
-        (Reading(1.0, -0.97, (1e5, 1e5)), "end of its range"),
+        (JointReading(1.0, math.nan, (1e5, 1e5)), "missing"),
+        (JointReading(1.0, 0.0, (1e5, math.nan)), "missing"),
+        (JointReading(1.0, 0.0, (1e5, 4.9e5)), "Pa"),
+        (JointReading(1.0, 0.2, (1e5, 1e5)), "rad/s"),
+        (JointReading(1.0, 0.97, (1e5, 1e5)), "end of its range"),
+        (JointReading(1.0, -0.97, (1e5, 1e5)), "end of its range"),
     ],
 )
-def test_what_leaves_the_limits_or_is_missing_ends_a_motion(reading: Reading, word: str) -> None:
+def test_what_leaves_the_limits_or_is_missing_ends_a_motion(
+    reading: JointReading, word: str
+) -> None:
     outward = math.copysign(0.01, reading.position) if abs(reading.position) > 0.5 else 0.0
     before = Seen(0.996, reading.position - outward, 0.0)
     if word == "rad/s":
@@ -71,10 +73,10 @@ def test_what_leaves_the_limits_or_is_missing_ends_a_motion(reading: Reading, wo
 def test_a_joint_at_rest_within_its_limits_goes_on() -> None:
     seen = Seen()
     for k in range(10):
-        seen, reason = watched(seen, Reading(0.004 * k, 0.3, (1e5, 2e5)), LIMITS)
+        seen, reason = watched(seen, JointReading(0.004 * k, 0.3, (1e5, 2e5)), LIMITS)
         assert not reason
     hanging = Seen(0.0, 0.99, 0.0)
-    assert not watched(hanging, Reading(0.004, 0.99, (0.0, 0.0)), LIMITS)[1]
+    assert not watched(hanging, JointReading(0.004, 0.99, (0.0, 0.0)), LIMITS)[1]
 
 
 # --- wiring ---------------------------------------------------------------------------------------
@@ -255,7 +257,7 @@ def test_at_a_signal_the_air_is_let_out_slowly(elbow: Rig, monkeypatch: pytest.M
     port = WiredPort(elbow)
     advance = port.advance
 
-    def interrupted(commands: Sequence[float]) -> Reading:
+    def interrupted(commands: Sequence[float]) -> JointReading:
         reading = advance(commands)
         if len(port.truth) == 1200:
             raise KeyboardInterrupt
@@ -276,7 +278,7 @@ def test_a_first_measurement_that_is_old_is_waited_for(
     scale, port = scale_of(elbow, PERIOD), WiredPort(elbow)
     advance = port.advance
 
-    def late(commands: Sequence[float]) -> Reading:
+    def late(commands: Sequence[float]) -> JointReading:
         reading = advance(commands)
         return reading._replace(position=math.nan) if len(port.truth) < 100 else reading
 

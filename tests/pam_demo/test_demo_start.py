@@ -18,7 +18,7 @@ from pam_demo.demo import SIMULATING, chosen_joint, perform
 from pam_demo.motions import arm_motion
 from pam_demo.player import NotPlayedError
 from pam_demo.player_node import PlayerNode
-from pam_demo.recording import Series
+from pam_demo.recording import TopicSeries
 from pam_model.errors import PamError
 from pam_model.rig import load_rig
 from pam_sim import rig_node
@@ -108,7 +108,7 @@ def test_a_joint_that_the_rig_lacks_is_refused_by_name() -> None:
 
 
 def test_figures_are_those_of_the_joint_that_moved() -> None:
-    series = Series(np.arange(2.0), np.array([[1.0, 2.0], [3.0, 4.0]]), ("shoulder", "elbow"))
+    series = TopicSeries(np.arange(2.0), np.array([[1.0, 2.0], [3.0, 4.0]]), ("shoulder", "elbow"))
     assert series.only(("elbow", "elbow_flexor", "1")).values.tolist() == [[2.0], [4.0]]
     assert series.only(("wrist",)).names == ()
 

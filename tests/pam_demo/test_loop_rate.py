@@ -13,7 +13,7 @@ import pytest
 
 from pam_demo import demo
 from pam_demo.figures import Figure, Results, explained
-from pam_demo.loop_rate import RATES, NotHeld, TooSlowError, judge, rate_sentence, trial
+from pam_demo.loop_rate import RATES, RateNotHeld, TooSlowError, judge, rate_sentence, trial
 from pam_demo.motions import arm_motion
 from pam_demo.page import write_page
 from pam_demo.player import NotPlayedError
@@ -151,7 +151,7 @@ FIGURES = [
 )
 def test_every_red_tile_has_a_sentence(figures, rate, told, tmp_path):
     results = Results(explained(figures, rate), [], {"/valve_commands": np.full(9, 0.002)}, rate)
-    sentence = rate_sentence(rate, [NotHeld(500.0, "3 % late")] if rate < 500.0 else [])
+    sentence = rate_sentence(rate, [RateNotHeld(500.0, "3 % late")] if rate < 500.0 else [])
     page = write_page(tmp_path / "demo.html", results, "vcan0", {}, sentence).read_text()
     assert sentence in page
     cards = re.findall(r'<div class="card">(.*?)</div>', page, re.DOTALL)

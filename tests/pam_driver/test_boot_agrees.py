@@ -16,7 +16,7 @@ import canopen
 import pytest
 
 from pam_driver.boards.canopen.board import CanopenBoard
-from pam_driver.boards.canopen.boot import Stage
+from pam_driver.boards.canopen.boot import BootStage
 from pam_driver.boards.canopen.dictionary import profile_path
 from pam_driver.boards.canopen.host import Host
 from pam_driver.boards.canopen.reader import CanopenDeviceReader
@@ -77,16 +77,16 @@ def booted(wired: WiredBoard, reader: CanopenDeviceReader, eds: Path) -> str:
     board = CanopenBoard(wired, reader.device, Host())
     device = DeviceOnBus(reader.device.node, eds)
     now = 0.0
-    while board.boot.stage is not Stage.DONE and now < 3.0:
+    while board.boot.stage is not BootStage.DONE and now < 3.0:
         for frame_id, data in board.command(None, now):
             device.hear(frame_id, data)
         for frame_id, data in device.cycle():
             if frame_id in board.listeners:
                 board.listeners[frame_id](data, now, now)
-        if board.boot.stage is Stage.REFUSED:
+        if board.boot.stage is BootStage.REFUSED:
             break
         now += 0.002
-    return "" if board.boot.stage is Stage.DONE else board.boot.error or board.boot.progress
+    return "" if board.boot.stage is BootStage.DONE else board.boot.error or board.boot.progress
 
 
 _MORE: Final = re.compile(r"\[(1[46A8]0[23]|1[6A]..sub[3-9]|64..sub[3-9]|100[358]|6[0-3]0[0-3])")

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from pam_driver.boards.canopen.board import CanopenBoard
-from pam_driver.boards.canopen.boot import Stage
+from pam_driver.boards.canopen.boot import BootStage
 from pam_driver.boards.canopen.dictionary import ObjectName, profile_path
 from pam_driver.boards.protocol import Condition, Frame
 from pam_driver.boards.wiring import RigWiring
@@ -135,7 +135,7 @@ def test_a_refused_object_is_named_with_node_object_and_abort_code_in_words() ->
         robot.driver.activate(robot.now)
     twin(robot).misbehave("mended", 0.0)
     robot.run(0.5)
-    assert board(robot).boot.stage is Stage.REFUSED, "nobody has cleared the fault"
+    assert board(robot).boot.stage is BootStage.REFUSED, "nobody has cleared the fault"
     robot.driver.clear_faults(robot.now)
     robot.run(0.3)
     assert conditions(robot) == []
@@ -353,7 +353,7 @@ def test_a_device_that_answers_late_is_one_device() -> None:
 
     robot.sim.advance = delayed  # type: ignore[method-assign]
     robot.run(12.0)
-    assert board(robot, "flexor_pressure").boot.stage is Stage.DONE
+    assert board(robot, "flexor_pressure").boot.stage is BootStage.DONE
     robot.move()
 
 

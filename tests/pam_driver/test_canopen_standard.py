@@ -20,7 +20,7 @@ from canopen.sdo.exceptions import SdoAbortedError
 
 from pam_driver.__main__ import main
 from pam_driver.boards.canopen.board import CanopenBoard
-from pam_driver.boards.canopen.boot import Stage
+from pam_driver.boards.canopen.boot import BootStage
 from pam_driver.boards.canopen.dictionary import profile_path
 from pam_driver.boards.wiring import RigWiring
 from pam_driver.can_bus.bus import CanPort, open_bus
@@ -207,7 +207,7 @@ def test_the_driver_boots_a_local_node_of_canopen_and_exchanges_pdos_with_it(
 
     def booted() -> bool:
         cycle()
-        return board.boot.stage is Stage.DONE
+        return board.boot.stage is BootStage.DONE
 
     try:
         local.nmt.state = "INITIALISING"
@@ -271,7 +271,7 @@ def test_the_driver_names_what_a_local_node_of_canopen_refuses(
                 board.listeners[frame.frame_id](frame.data, now, now)
         for frame_id, data in board.command(None, now):
             port.send(frame_id, data, now)
-        return board.boot.stage is Stage.REFUSED
+        return board.boot.stage is BootStage.REFUSED
 
     try:
         wait_for(refused, "the refusal")

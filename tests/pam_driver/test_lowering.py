@@ -10,7 +10,7 @@ import pytest
 
 from pam_driver.can_bus.bus import BusState
 from pam_driver.driver_settings import DriverSettings
-from pam_driver.safety.lowering import MOST_OPEN, Lowering, _share
+from pam_driver.safety.lowering import MOST_OPEN, LoweringSetpoints, _share
 from pam_driver.safety.states import SafetyState
 from pam_model.gas import valve_flow
 from pam_model.rig import Rig
@@ -290,8 +290,8 @@ HELD_PAIR = (408e3, 121e3)
 SPEED = 0.5  # rad/s
 
 
-def begun(rig: Rig, setpoints: tuple[float, float] = (0.0, 0.0)) -> Lowering:
-    lowering = Lowering(compose(rig), SPEED)
+def begun(rig: Rig, setpoints: tuple[float, float] = (0.0, 0.0)) -> LoweringSetpoints:
+    lowering = LoweringSetpoints(compose(rig), SPEED)
     lowering.start(setpoints, 10.0)
     return lowering
 
@@ -368,7 +368,11 @@ def test_nothing_pulls_a_joint_down_faster_than_gravity_does(
 
 
 def opened(
-    lowering: Lowering, pressures: tuple[float, float], position: float, speed: float, now: float
+    lowering: LoweringSetpoints,
+    pressures: tuple[float, float],
+    position: float,
+    speed: float,
+    now: float,
 ) -> tuple[float, ...]:
     """The openings of the exhausts of flow valves, 0 to 1."""
     return tuple(-told for told in lowering.setpoints(pressures, (position,), (speed,), now))

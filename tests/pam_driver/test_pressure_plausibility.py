@@ -373,6 +373,7 @@ NAMED = {
     "position_offset": {"offset": 0.3},
     "bladder_elasticity": {"linear": 4000.0},
     "end_caps": {"factor": 1.4},
+    "threshold_pressure": {"pressure": 1e5},
     "cable_compliance": {"compliance": 2e-4},
     "valve_dead_zone": {"overlap": 0.25},
     "valve_null_offset": {"offset": 0.15},

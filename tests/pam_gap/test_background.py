@@ -12,7 +12,7 @@ from pam_gap.inference.decision import Decision, Judge
 from pam_gap.inference.named_effects import named_effects
 from pam_gap.inference.probabilities import agreed, cause_probabilities, probabilities
 from pam_gap.inference.score import Score
-from pam_gap.inference.search import Search
+from pam_gap.inference.search import CandidateSearch
 from pam_gap.prediction.fit import mean_squares
 from pam_gap.prediction.lever_arm import LeverArm
 from pam_gap.rules import DEFAULT
@@ -136,6 +136,24 @@ def test_probabilities_follow_the_verdict_and_sum_to_one() -> None:
     usual = ordinary(score(("hysteresis",), (5.0, 5.5, 20.0)), "hysteresis")
     assert 0.5 < given(score((), (7.0, 7.5, 35.0)), delay, usual)["none"] < 0.75
     assert given(nominal, lag)["unknown"] > 0.8
+
+
+def test_a_rival_at_the_end_of_its_range_lowers_the_probability_of_the_others() -> None:
+    """It might explain as much with more of it; one that explains little changes nothing."""
+    nominal = score((), (33.0, 74.0, 90.0))
+    bladder = score(("bladder_elasticity",), (4.0, 8.0, 30.0))
+    judge = Judge(np.ones(CHANNELS), PRESENT, DEFAULT.decision, background=BACKGROUND)
+
+    def probability(rival: Score) -> float:
+        decision = judge.decide(nominal, [bladder, rival])
+        return probabilities(judge, nominal, decision)["bladder_elasticity"]
+
+    caps = score(("end_caps",), (6.0, 13.0, 43.0))
+    limited = replace(caps, cut_off=("end_caps",))
+    assert probability(limited) < probability(caps) - 0.03
+    assert probability(replace(caps, cut_off=("leakage",))) == probability(caps)
+    weak = score(("end_caps",), (30.0, 70.0, 88.0))
+    assert probability(replace(weak, cut_off=("end_caps",))) == probability(weak)
 
 
 def test_a_cause_can_hide_in_a_background_but_not_in_noise() -> None:
@@ -285,10 +303,12 @@ def test_a_background_is_no_pair_of_causes(rig: Rig, record: Maker) -> None:
     amounts = {path: 0.5 * size for _, paths, size in sizes for path in paths}
     volumes = {f"{side}.dead_volume": 6e-5 for side in ("agonist", "antagonist")}
     engine = with_few(JointDiagnosis(rig, 0, [record(amounts | volumes)]))
-    result = Search(engine.fitter, engine.candidates()).singles()
+    result = CandidateSearch(engine.fitter, engine.candidates()).singles()
     assert not engine.has_no_background(result)
     without = with_few(JointDiagnosis(rig, 0, [record(volumes)]))
-    assert without.has_no_background(Search(without.fitter, without.candidates()).singles())
+    assert without.has_no_background(
+        CandidateSearch(without.fitter, without.candidates()).singles()
+    )
 
 
 @needs_numba

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from pam_gap.fleet.change_points import SLOPE, STEP, Course, deviations, find_changes
+from pam_gap.fleet.change_points import SLOPE, STEP, SeriesModel, deviations, find_changes
 from pam_gap.rules import DEFAULT
 
 WEEK = 7 * 86400.0
 SCATTER = 0.05
 
 
-def course(law, *, n=12, weeks=8.0, seed=0, stated=1.0, outliers=()) -> Course:
+def course(law, *, n=12, weeks=8.0, seed=0, stated=1.0, outliers=()) -> SeriesModel:
     """The changes found in a law of the weeks with scatter; `stated`: share that intervals tell."""
     random = np.random.default_rng(seed)
     time = np.linspace(0.0, weeks, n)

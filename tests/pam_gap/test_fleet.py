@@ -15,7 +15,14 @@ import pytest
 
 from pam_gap.__main__ import main
 from pam_gap.fleet import fleet
-from pam_gap.fleet.diagnose_job import DONE, Task, diagnose_job, folder_name, kept_result, key_of
+from pam_gap.fleet.diagnose_job import (
+    DONE,
+    DiagnosisTask,
+    diagnose_job,
+    folder_name,
+    kept_result,
+    key_of,
+)
 from pam_gap.fleet.fleet_page import render
 from pam_gap.fleet.follow_all import follow_all, share_where_it_helps
 from pam_gap.fleet.jobs import Job, find_recordings, many_rigs, one_rig
@@ -124,7 +131,7 @@ def test_a_corrupt_recording_is_a_result_and_is_not_diagnosed_again(tmp_path, ri
     (tmp_path / "bags").mkdir()
     (tmp_path / "bags" / "a.csv.gz").write_bytes(b"this is no recording")
     (job,) = one_rig(tmp_path / "bags", rig_file)
-    task = Task(job, tmp_path / "out" / "a")
+    task = DiagnosisTask(job, tmp_path / "out" / "a")
     result = diagnose_job(task)
     assert "not a readable table" in result["failure"] and "\n" not in result["failure"]
     assert kept_result(task, key_of(task)) == result
@@ -135,7 +142,7 @@ def test_another_recording_rig_version_or_constant_is_diagnosed_again(
     tmp_path, rig_file, monkeypatch
 ):
     (job,) = one_rig(write(tmp_path / "bags" / "a.csv").parent, rig_file)
-    task = Task(job, tmp_path / "out")
+    task = DiagnosisTask(job, tmp_path / "out")
     task.folder.mkdir()
     key = key_of(task)
     (task.folder / DONE).write_text(json.dumps({"key": key}))
@@ -220,7 +227,7 @@ def test_the_whole_way_with_a_stub_keeps_failures_and_diagnoses_only_what_is_new
     monkeypatch.setattr(
         fleet, "run_all", lambda client, function, jobs: again.extend(jobs) or iter(())
     )
-    fleet.diagnose_all(None, [Task(j, out / "recordings" / folder_name(j.name))
+    fleet.diagnose_all(None, [DiagnosisTask(j, out / "recordings" / folder_name(j.name))
                               for j in one_rig(folder, rig_file)], settings)  # fmt: skip
     assert [task.job.name for task in again] == ["1.csv", "3.csv"]
 
@@ -328,7 +335,7 @@ def test_of_effects_that_look_alike_only_the_needed_are_followed(tmp_path, monke
         parameters={name: {} for name in worth}, effects=list(worth),
         ranking=[{"effects": list(worth), "label": " + ".join(worth)}],
     )  # fmt: skip
-    tasks = [Task(Job(f"{k}", tmp_path, tmp_path, "arm"), tmp_path) for k in range(3)]
+    tasks = [DiagnosisTask(Job(f"{k}", tmp_path, tmp_path, "arm"), tmp_path) for k in range(3)]
     results = [{"key": {"n": k}, "time": k, "joints": [three]} for k in range(3)]
     (found,) = follow_all(None, tasks, results)
     assert found.labels == ("coulomb_friction", "leakage")

@@ -11,7 +11,7 @@ from pam_check.blind.untouched import untouched_closed
 from pam_gap.inference.confidence import Interval, for_another_motion
 from pam_gap.inference.held_out import HeldOut
 from pam_gap.inference.hypothesis import Hypothesis
-from pam_gap.prediction.fit import FitResult
+from pam_gap.prediction.fit import PlantFit
 from pam_gap.rules import DEFAULT
 
 RULES = DEFAULT.decision
@@ -19,7 +19,7 @@ RULES = DEFAULT.decision
 
 def held_out(rms: float) -> HeldOut:
     sums = np.full((20, 5), 10.0 * rms**2)
-    result = FitResult(np.zeros(0), np.zeros((0, 5)), 0.0, np.zeros((0, 5, 0)), 0)
+    result = PlantFit(np.zeros(0), np.zeros((0, 5)), 0.0, np.zeros((0, 5, 0)), 0)
     return HeldOut.of(Hypothesis((), result, np.ones(5)), sums, np.full((20, 5), 10.0))
 
 
@@ -53,7 +53,13 @@ def test_the_true_rig_closes_the_gap_of_another_motion(tmp_path: Path) -> None:
     """A rig file with the true payload closes it; one with nothing added closes nothing."""
     pytest.importorskip("numba", reason="the truth plant is some 300 times slower without numba")
     from pam_check.blind.cases import rig_parameters, to_table
-    from pam_check.blind.truth_plant import Excitation, Sensors, TruthJoint, TruthMuscle, run_truth
+    from pam_check.blind.truth_plant import (
+        PressureExcitation,
+        Sensors,
+        TruthJoint,
+        TruthMuscle,
+        run_truth,
+    )
     from pam_model.rig import rig_from_parameters, save_rig
 
     joint = TruthJoint(0.03, 0.05, 0.25, 4.9, 0.0, -1.0, 1.0, 293.15, 101325.0, 701325.0)
@@ -61,7 +67,7 @@ def test_the_true_rig_closes_the_gap_of_another_motion(tmp_path: Path) -> None:
     loaded = joint._replace(gravity_torque=6.0, inertia=0.08)
     time = np.arange(3000) * 0.004
     swing = 6e4 * np.sin(2.0 * np.pi * 0.4 * time) * np.clip(time - 0.5, 0.0, 1.0)
-    motion = Excitation(np.full(time.size, 2.4e5), swing, np.zeros(time.size), 0.004)
+    motion = PressureExcitation(np.full(time.size, 2.4e5), swing, np.zeros(time.size), 0.004)
     made = run_truth(loaded, (muscle, muscle), motion, Sensors(), np.random.default_rng(0))
     to_table(made, False).to_csv(tmp_path / "recording.csv.gz", index=False)
     for name, believed in (("written", joint), ("improved", loaded)):

@@ -43,6 +43,11 @@ OVERLAPS = {"overlap.agonist": found(0.05, "-"), "overlap.antagonist": found(0.0
             f"Coulomb friction or hysteresis: 94 % of an error of 31 mrad at {POSITION}",
         ),
         (
+            {"at_the_end": ("end_caps",)},
+            f"Coulomb friction (torque 0.52 N m): 94 % of an error of 31 mrad at {POSITION}; end "
+            "caps, at the end of the range searched, might explain as much",
+        ),
+        (
             {"verdict": "unknown", "effects": (), "looks_like": "an eccentricity of the encoder"},
             f"No known effect explains 25 mrad at {POSITION}, 3.6 % of its range; it looks like an "
             "eccentricity of the encoder",

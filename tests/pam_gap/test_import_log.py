@@ -1,5 +1,6 @@
 """Logs of other programs: a map is proposed, shown before anything is fitted, or asked for."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -117,6 +118,44 @@ def test_the_measured_pair_of_muscles_is_understood(tmp_path: Path) -> None:
     assert found["pressure_states.muscle_2"] == ("pressure_2_kPa",)
     assert preview.recording is not None
     assert preview.recording.values["pressure_states.muscle_1"].max() > 5e4
+
+
+def test_columns_of_different_runs_in_one_log_are_not_mixed(rig: Rig) -> None:
+    """Structures in a cell have the same names; the first run that is complete is proposed."""
+    run = {"time": TIME, "p_flexor": P1, "p_extensor": P2, "angle": ANGLE}
+    log = {"runs.0.angle": ANGLE, "runs.0.time": TIME}
+    log |= {f"runs.{k}.{name}": column for k in (1, 2) for name, column in run.items()}
+    found = {one.channel: one.column for one in propose(log, rig)}
+    assert set(found.values()) == {f"runs.1.{name}" for name in run}
+    sides = {
+        "t": TIME,
+        **{f"muscle.{k}.{name}": P1 for k in (1, 2) for name in ("pressure", "command")},
+    }
+    both = {one.channel: one.column for one in propose(sides, rig)}
+    assert both["pressure_states.elbow_flexor"] == "muscle.1.pressure"
+    assert both["pressure_states.elbow_extensor"] == "muscle.2.pressure"
+
+
+def test_a_bench_has_a_length_and_what_has_moved_only_is_refused_with_advice(
+    rig: Rig, tmp_path: Path
+) -> None:
+    flexor = rig.joints[0].muscles[0]
+    bench = replace(rig, joints=(), muscles=(rig.muscle(flexor),))
+    log = {
+        "Time (in ms)": 1e3 * TIME,
+        "Laser (in mm)": 12.0 * np.sin(TIME),
+        "Pressure (in bar)": 1e-5 * P1,
+        "Force (in N)": 1e-3 * P1,
+    }
+    pd.DataFrame(log).to_csv(tmp_path / "bench.csv", index=False)
+    preview = import_log(tmp_path / "bench.csv", bench, tmp_path / "out")
+    found = {c: e.columns for c, e in preview.column_map.channels.items()}
+    assert found == {
+        f"pressure_states.{flexor}": ("Pressure (in bar)",),
+        f"muscle_states.{flexor}.position": ("Laser (in mm)",),
+        f"muscle_states.{flexor}.effort": ("Force (in N)",),
+    }
+    assert "add the length at 0" in preview.problems[0]
 
 
 def test_mistakes_are_one_line(

@@ -7,7 +7,7 @@ import numpy as np
 from pam_gap.answer.improved_rig import improve_rig
 from pam_gap.inference.candidates import candidates_for, nuisances_for
 from pam_gap.inference.hypothesis import Hypothesis
-from pam_gap.prediction.fit import FitResult
+from pam_gap.prediction.fit import PlantFit
 from pam_model.plant.parameters import INDEX, PlantParameters
 from pam_model.rig import load_rig, save_rig
 
@@ -22,7 +22,7 @@ def test_every_parameter_a_fit_moves_arrives(tmp_path: Path) -> None:
     for candidate in candidates_for(ELBOW, joint):
         free = len(nuisances) + len(candidate.free)
         values = np.concatenate([np.linspace(0.985, 1.015, len(nuisances)), candidate.starts[0]])
-        result = FitResult(values, np.zeros((0, 5)), 0.0, np.zeros((0, 5, free)), 0)
+        result = PlantFit(values, np.zeros((0, 5)), 0.0, np.zeros((0, 5, free)), 0)
         targets = [nuisance.targets for nuisance in nuisances] + list(candidate.targets)
         factors = [True] * len(nuisances) + [False] * len(candidate.free)
         hypothesis = Hypothesis((candidate,), result, np.ones(5))

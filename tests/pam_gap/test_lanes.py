@@ -16,7 +16,7 @@ from pam_model.plant.compiled import HAVE_NUMBA
 from pam_model.plant.constants import derive_constants
 from pam_model.plant.kernel import step_count
 from pam_model.plant.lane_blocks import blocks_of_lanes
-from pam_model.plant.lane_choice import GROUPS, LAWS, lane_kernels
+from pam_model.plant.lane_choice import GROUPS, LAWS, LaneKernel, lane_kernels
 from pam_model.plant.lane_twins import SINGLE
 from pam_model.plant.parameters import INDEX, PlantParameters, parameter_names
 from pam_model.plant.sensors import N_SENSORS, sensor_constants
@@ -45,6 +45,11 @@ def motion() -> np.ndarray:
     return np.stack([swing, 0.02 - swing], axis=1)
 
 
+def all_laws(constants: np.ndarray) -> list[LaneKernel]:
+    """The kernel of a plant that has everything, and so needs every group of laws."""
+    return [lane_kernels(constants.max(axis=0, keepdims=True))[0].for_all(len(constants))]
+
+
 EACH = pytest.param(
     "each",
     marks=pytest.mark.long(
@@ -60,10 +65,7 @@ def chosen(request):
         return lambda constants: []
     if request.param == "each":
         return lane_kernels
-    # a plant with everything needs every group of laws
-    return lambda constants: [
-        lane_kernels(constants.max(axis=0, keepdims=True))[0].for_all(len(constants))
-    ]
+    return all_laws
 
 
 @pytest.fixture(scope="module")
@@ -222,7 +224,10 @@ def test_lanes_turn_an_uneven_pulley_as_the_joint_alone_does(rig):
             kernels=kernels,
         )
 
-    lanes, alone = shown(lane_kernels(constants)), shown(())
+    # the kernel of the tests above, which is compiled already
+    everything = np.array([derive_constants(v) for v in one_lane_per_effect(parameters)])
+    kernel = all_laws(everything)[0].for_all(len(constants))
+    lanes, alone = shown([kernel]), shown(())
     assert np.ptp(alone[:, -1, 2]) > 0.01  # the pulleys matter
     size = np.abs(alone).max(axis=(0, 1))
     assert np.all(np.abs(lanes - alone) <= 1e-12 * size)

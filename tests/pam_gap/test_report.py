@@ -15,7 +15,7 @@ import pam_gap
 from pam_gap.answer import report_figures
 from pam_gap.answer.page_style import STYLE, VERDICT_COLOURS
 from pam_gap.answer.provenance import provenance
-from pam_gap.answer.report import RankedCandidate, ReportData, StageGap, render, write_report
+from pam_gap.answer.report import RankedCandidate, ReportData, StageBar, render, write_report
 from pam_gap.answer.report_figures import GUILTY, STAGES
 from pam_gap.answer.report_of_diagnosis import _delay
 from pam_gap.answer.traces import CLOSEST, IMPROVED, MEASURED, NOMINAL, Trace, draw, thinned
@@ -48,8 +48,8 @@ def data(title: str = "elbow", **changes: object) -> ReportData:
         headline="Coulomb friction (torque 0.52 N m): 94 % of an error of 31 mrad",
         verdict_sentence="The joint rubs: dry friction of 0.52 N m.",
         diagnosis=diagnosis,
-        stages=[StageGap("valve", 1.1), StageGap("muscle", None, "no load cell"),
-                StageGap("joint", 8.0), StageGap("sensing", 1.0)],
+        stages=[StageBar("valve", 1.1), StageBar("muscle", None, "no load cell"),
+                StageBar("joint", 8.0), StageBar("sensing", 1.0)],
         regimes=[("low speed", 0.7)],
         traces=[Trace(CHANNEL, "rad", time, measured, 0.9 * measured, measured)],
         ranking=[RankedCandidate("coulomb_friction", 0.93, 0.05, 0.04, 0.07),
@@ -140,7 +140,7 @@ def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
 
 def test_only_the_stage_to_blame_is_coloured(drawn: list[Figure]) -> None:
     """A stage of 3 floors was orange although the verdict was `none`."""
-    stages = [StageGap("valve", 3.0), StageGap("joint", 8.0)]
+    stages = [StageBar("valve", 3.0), StageBar("joint", 8.0)]
     for blamed in (set(), {"joint"}, {"muscle", "joint"}):
         report_figures.draw_stages(stages, blamed)
         boxes = drawn[-1].axes[0].patches

@@ -8,8 +8,8 @@ import pytest
 from pam_gap.answer.sentences import rivals_at_the_end, sizes_at_the_end
 from pam_gap.inference.candidates import Candidate, candidates_for
 from pam_gap.inference.hypothesis import Hypothesis, HypothesisFitter
-from pam_gap.inference.search import Search
-from pam_gap.prediction.fit import FitResult
+from pam_gap.inference.search import CandidateSearch
+from pam_gap.prediction.fit import PlantFit
 from pam_gap.prediction.problem import PredictionProblem
 from pam_model.rig import Rig
 
@@ -29,7 +29,7 @@ def candidate(rig: Rig, effect: str) -> Candidate:
 def with_values(one: Candidate, values: dict[str, float]) -> Hypothesis:
     start = [values.get(p.name, v) for p, v in zip(one.free, one.starts[0], strict=True)]
     none = np.zeros((1, 5))
-    result = FitResult(np.array(start), none, 0.0, np.zeros((1, 5, len(start))), 1)
+    result = PlantFit(np.array(start), none, 0.0, np.zeros((1, 5, len(start))), 1)
     return Hypothesis((one,), result, np.zeros(5))
 
 
@@ -41,7 +41,7 @@ def test_a_richer_law_beside_another_cause_is_compared_with_its_simpler_law(
     fitter.fit_nominal()
     fitter.without_background()
     rich, radius = (candidate(rig, name) for name in ("stribeck_friction", "pulley_radius"))
-    search = Search(fitter, candidates_for(rig, rig.joints[0]))
+    search = CandidateSearch(fitter, candidates_for(rig, rig.joints[0]))
     start = np.concatenate([rich.starts[0], [1.15]])
     pair = fitter.fit((rich, radius), start, max_iterations=8)
     (simple,) = search._twins([pair])
@@ -60,7 +60,7 @@ def test_a_simple_law_beside_another_cause_is_compared_with_its_richer_law(
     fitter.fit_nominal()
     fitter.without_background()
     dry, radius = (candidate(rig, name) for name in ("coulomb_friction", "pulley_radius"))
-    search = Search(fitter, candidates_for(rig, rig.joints[0]))
+    search = CandidateSearch(fitter, candidates_for(rig, rig.joints[0]))
     start = np.concatenate([dry.starts[0], [1.15]])
     pair = fitter.fit((dry, radius), start, max_iterations=8)
     rich = min(search._twins([pair]), key=search.level)

@@ -22,6 +22,7 @@ LOW = 2e4
 STRETCHING = {
     "bladder_elasticity": {"linear": 500.0, "cubic": 1e6},
     "end_caps": {"factor": 1.05},
+    "threshold_pressure": {"pressure": 2e4},
     "braid_extensibility": {"compliance": 5e-7},
     "cable_compliance": {"compliance": 1e-5},
 }

@@ -34,6 +34,14 @@ class Result:
     value: float
 
 
+class Usage:
+    """Stands in for what a node's `--help` prints."""
+
+    def answer(self, arguments) -> int:
+        print("how to watch")
+        return DONE
+
+
 def ends(run, *arguments: str, **options) -> int:
     """Exit code of a tool with one command, `act`, that has the option `--times`."""
 
@@ -41,7 +49,7 @@ def ends(run, *arguments: str, **options) -> int:
         parser.add_argument("--times", type=types.count(1, 9), default=1)
 
     command = Command("act", "act a little", declare, run, bad_news="if it fails")
-    node = NodeCommand("watch", "a node", len)
+    node = NodeCommand("watch", "a node", len, Usage)
     return Tool("tool", "A tool", [command, node], **options).run(arguments)
 
 

@@ -4,9 +4,15 @@ import threading
 
 import pytest
 
-from pam_model.plant import compiled
+from pam_model.plant import compile_beside, compiled
 from pam_model.plant.compile_beside import WORTH, CompileBeside
 from pam_model.plant.compiled import HAVE_NUMBA
+
+
+@pytest.fixture(autouse=True)
+def _compilation_is_worth_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Unlike in the other tests of the short run."""
+    monkeypatch.setattr(compile_beside, "WORTH", WORTH)
 
 
 def test_little_work_compiles_nothing() -> None:

@@ -288,6 +288,7 @@ EVERYTHING = {
     "bladder_elasticity.linear": 300.0,
     "bladder_elasticity.cubic": 1e5,
     "end_caps.factor": 1.05,
+    "threshold_pressure.pressure": 2e4,
     "braid_extensibility.compliance": 5e-8,
     "cable_compliance.compliance": 1e-5,
     "coulomb_friction.torque": 0.2,

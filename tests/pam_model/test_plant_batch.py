@@ -54,16 +54,26 @@ def batch_of(parameters: PlantParameters, values: np.ndarray) -> PlantBatch:
     return PlantBatch(parameters, values, states, PERIOD)
 
 
-@pytest.mark.parametrize(
-    "names",
-    [
-        (),
-        ("coulomb_friction", "payload", "hysteresis", "supply_droop"),
-        ("command_delay", "position_delay", "pressure_lag", "pressure_gain", "position_offset"),
-    ],
-    ids=lambda names: "+".join(names) or "none",
+DELAYS = ("command_delay", "position_delay", "pressure_lag", "pressure_gain", "position_offset")
+MANY_LAWS = ("coulomb_friction", "payload", "hysteresis", "supply_droop")
+COMPILED = pytest.mark.long(
+    "a kernel that takes long to compile; those of fewer laws stay, and test_lanes holds every law"
 )
-@pytest.mark.parametrize("count", [1, 20])
+
+
+@pytest.mark.parametrize(
+    ("names", "count"),
+    [
+        ((), 1),
+        ((), 20),
+        (("coulomb_friction", "payload"), 20),
+        (MANY_LAWS, 1),
+        pytest.param(MANY_LAWS, 20, marks=COMPILED),
+        (DELAYS, 1),
+        (DELAYS, 20),
+    ],
+    ids=lambda value: ("+".join(value) or "none") if isinstance(value, tuple) else None,
+)
 def test_readings_are_those_of_single_plants(names: tuple[str, ...], count: int) -> None:
     parameters = with_effects(names)
     values = drawn(parameters, count, 3)

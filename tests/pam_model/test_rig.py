@@ -170,7 +170,7 @@ def test_every_effect_can_be_written_and_read(rig: Rig, tmp_path: Path) -> None:
     again = load_rig(tmp_path / "full.yaml")
     assert again == full
     found = again.muscle("elbow_flexor").effects, again.joint("elbow").effects, again.effects
-    assert sum(len(effects) for effects in found) == len(EFFECTS) == 26
+    assert sum(len(effects) for effects in found) == len(EFFECTS) == 27
 
 
 def test_effects_left_out_are_neutral(rig: Rig) -> None:

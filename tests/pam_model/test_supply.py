@@ -12,7 +12,7 @@ from pam_model import gas
 from pam_model.atlas.supply.bandwidth import SupplyLine
 from pam_model.atlas.supply.fill_time import exhaust_time, fill_time
 from pam_model.atlas.supply.thermal_chamber import ThermalChamber
-from pam_model.atlas.supply.tube import Tube, series_conductance
+from pam_model.atlas.supply.tube import StraightTube, series_conductance
 from pam_model.errors import DomainError
 from pam_model.muscles.models.gaylord import Gaylord
 
@@ -50,21 +50,21 @@ def test_bandwidth_is_one_over_volume() -> None:
     span = {**BETWEEN, "low_pressure": 1.5e5, "high_pressure": 4e5}
     ratio = fifth.cycle_bandwidth(**span) / whole.cycle_bandwidth(**span)
     assert ratio == pytest.approx(5.0, rel=1e-12)
-    tubed = SupplyLine(1e-4, 1e-8, tube=Tube(2.0, 0.004))
+    tubed = SupplyLine(1e-4, 1e-8, tube=StraightTube(2.0, 0.004))
     assert tubed.cycle_bandwidth(**span) < whole.cycle_bandwidth(**span)
     with pytest.raises(DomainError, match="leaves no gas"):
         SupplyLine(1e-4, 1e-8, filler_volume=1e-4)
 
 
 def test_tube() -> None:
-    tube = Tube(1.0, 0.004)
+    tube = StraightTube(1.0, 0.004)
     assert tube.delay == pytest.approx(2.9e-3, abs=5e-5)
     assert tube.laminar_flow(2e5, 2.1e5) == pytest.approx(-tube.laminar_flow(2.1e5, 2e5))
     assert 0.0 < tube.attenuation(3e5) < 1.0
     assert series_conductance([1e-8, 1e-8]) == pytest.approx(1e-8 * 2.0 ** (-1.0 / 3.0))
     assert 0.0 < tube.critical_ratio < 1.0
     with pytest.raises(DomainError, match="diameter"):
-        Tube(1.0, 0.0)
+        StraightTube(1.0, 0.0)
 
 
 @given(rate=st.floats(-1e-3, 1e-3), pressure=st.floats(1e5, 8e5))

@@ -14,7 +14,8 @@ from pam_model.errors import PamError, RigError
 from pam_model.rig import described_key, load_rig, rig_of_node
 from pam_model.rig.keys import Key
 from pam_ros.errors import ParameterError
-from pam_ros.parameters import NodeParameters, Parameter, Value
+from pam_ros.parameter_row import Parameter, Value
+from pam_ros.parameters import NodeParameters
 
 RIG = load_rig(Path(__file__).parents[2] / "config" / "elbow.yaml")
 TABLE = (

@@ -19,7 +19,7 @@ from pam_ros import end_signals
 from pam_ros.end_signals import EndSignals
 from pam_ros.errors import ParameterError
 from pam_ros.node_help import Endpoint, NodeHelp
-from pam_ros.parameters import Parameter
+from pam_ros.parameter_row import Parameter
 from pam_ros.spin import spin_node
 
 pytestmark = pytest.mark.system

@@ -16,11 +16,11 @@ from pam_model.plant.parameters import INDEX, PlantParameters
 from pam_model.plant.robot_plant import RobotPlant
 from pam_model.plant.simulate import vented_state
 from pam_model.rig import Rig, load_rig
-from pam_sim.environment import PER_JOINT, PamEnv, PamVectorEnv, Task
+from pam_sim.environment import PER_JOINT, EpisodeTask, PamEnv, PamVectorEnv
 from pam_sim.randomisation import Randomisation, Spread
 from support.rigs import ELBOW
 
-SHORT = Task(seconds=0.4, hold=0.2)
+SHORT = EpisodeTask(seconds=0.4, hold=0.2)
 
 
 def rig_named(name: str) -> Rig:
@@ -122,7 +122,7 @@ def test_what_is_no_diagnosis_is_one_line(text: str, told: str, tmp_path: Path) 
 )
 def test_a_wrong_task_is_refused(change: dict[str, Any]) -> None:
     with pytest.raises(PamError, match=next(iter(change))):
-        Task(**change)
+        EpisodeTask(**change)
 
 
 def test_actions_of_another_shape_are_refused() -> None:

@@ -13,6 +13,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator, Sequence
+from importlib.metadata import entry_points
 from pathlib import Path
 
 import pytest
@@ -23,6 +24,7 @@ from pam_bringup.viewer import markers_node
 from pam_check.__main__ import main as pam_check
 from pam_cli.__main__ import main as pam_cli
 from pam_control import controller_node
+from pam_control.__main__ import main as pam_control
 from pam_demo.__main__ import main as pam_demo
 from pam_demo.chain import private_domain, set_environment
 from pam_driver import driver_node
@@ -32,8 +34,9 @@ from pam_gap.experiments import play_node
 from pam_gap.live import monitor_node
 from pam_model import argument_types, model_node
 from pam_model.__main__ import main as pam_model
-from pam_model.command_line import Command
+from pam_model.command_line import Command, NodeCommand
 from pam_robot.__main__ import _node as robot_node
+from pam_robot.__main__ import main as pam_robot
 from pam_ros.program_name import PROGRAM
 from pam_sim import rig_node
 from pam_sim.__main__ import main as pam_sim
@@ -49,13 +52,18 @@ TOOLS: dict[str, Main] = {
     "pam_check": pam_check,
     "pam_demo": pam_demo,
     "pam_bringup": pam_bringup,
+    "pam_control": pam_control,
+    "pam_robot": pam_robot,
 }
-COMMANDS = [
-    (tool, command)
-    for tool in TOOLS
-    for command in sys.modules[f"{tool}.__main__"].COMMANDS
-    if isinstance(command, Command)
-]
+EVERY = [(tool, each) for tool in TOOLS for each in sys.modules[f"{tool}.__main__"].COMMANDS]
+COMMANDS = [(tool, each) for tool, each in EVERY if isinstance(each, Command)]
+NODE_COMMANDS = [(tool, each) for tool, each in EVERY if isinstance(each, NodeCommand)]
+PROGRAMS = sorted(
+    str(Path(sys.executable).with_name(entry.name))
+    for entry in entry_points(group="console_scripts")
+    if entry.value.split(".")[0] in TOOLS
+)
+"""Every program that the packages install, those of `ros2 run` among them."""
 NODES = {
     "driver": driver_node.main,
     "controller": controller_node.main,
@@ -154,15 +162,14 @@ def test_a_tool_tells_its_version_with_and_without_a_command(tool, capfd):
 
 
 def test_every_package_with_a_program_is_tried_here():
-    """The controller is a node alone, and so is the robot."""
     programs = {name.split(".")[0] for name in modules() if name.endswith(".__main__")}
-    assert programs - {"pam_control", "pam_robot", "pam_cli"} == set(TOOLS)
+    assert programs - {"pam_cli"} == set(TOOLS)
 
 
 def test_pam_names_every_tool_and_runs_its_commands(capfd):
     assert pam_cli(["--help"]) == 0
     told = capfd.readouterr().out
-    assert all(f"\n    {tool[4:]} " in told for tool in (*TOOLS, "pam_control"))
+    assert all(f"\n    {tool[4:]} " in told for tool in TOOLS)
     for tool, command in COMMANDS:
         assert pam_cli([tool[4:], command.name, "--help"]) == 0
         usage = capfd.readouterr().out
@@ -291,9 +298,20 @@ def test_json_is_the_only_thing_on_standard_output(tool, arguments, tmp_path, ca
     assert told.err == ""  # no progress bar where nobody looks
 
 
+def asked_for_help(words: Sequence[str]) -> float:
+    """Processor time of a program that prints its help [s]."""
+    before = os.times()
+    subprocess.run([*words, "--help"], capture_output=True, check=True)
+    after = os.times()
+    now, then = (each.children_user + each.children_system for each in (after, before))
+    return now - then
+
+
 def test_help_loads_nothing_heavy_and_takes_less_than_a_third_of_a_second():
     lines = [f"from {tool}.__main__ import main as {tool}" for tool in TOOLS]
-    lines += [f"{tool}(['{command.name}', '--help'])" for tool, command in COMMANDS]
+    lines += [
+        f"{tool}(['{command.name}', '--help'])" for tool, command in (*COMMANDS, *NODE_COMMANDS)
+    ]
     lines += ["import sys", "print('LOADED', *{name.split('.')[0] for name in sys.modules})"]
     done = subprocess.run(
         [sys.executable, "-c", "\n".join(lines)], capture_output=True, text=True, check=True
@@ -301,11 +319,9 @@ def test_help_loads_nothing_heavy_and_takes_less_than_a_third_of_a_second():
     loaded = set(done.stdout.rpartition("LOADED")[2].split())
     assert loaded & HEAVY == set()
     for words in ([], *([tool[4:]] for tool in TOOLS)):
-        before = os.times()
-        subprocess.run([ROOT / "pam", *words, "--help"], capture_output=True, check=True)
-        after = os.times()
-        used = after.children_user + after.children_system
-        assert used - before.children_user - before.children_system < LONGEST_HELP, words
+        assert asked_for_help([str(ROOT / "pam"), *words]) < LONGEST_HELP, words
+    for program in PROGRAMS:
+        assert asked_for_help([program]) < LONGEST_HELP, program
 
 
 def test_the_page_of_exit_codes_names_every_command_with_a_check():
@@ -418,7 +434,7 @@ def test_a_node_refuses_a_wrong_start_in_one_line(node, words, told, tmp_path, c
 def test_the_help_of_a_node_names_the_topics_that_it_uses():
     """The policy is compared with running nodes by a test of its own."""
     from pam_bringup.security.policy import POLICY
-    from pam_control.controller_parameters import HELP as CONTROLLER
+    from pam_control.controller_help import HELP as CONTROLLER
     from pam_driver.driver_parameters import HELP as DRIVER
     from pam_driver.driver_parameters import PEOPLE_TOPICS
 

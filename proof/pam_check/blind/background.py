@@ -29,7 +29,13 @@ import numpy as np
 
 from pam_check.blind.draw import Draw
 from pam_check.blind.effect_cases import KNOWN, OUTSIDE
-from pam_check.blind.truth_plant import Array, Excitation, Sensors, SupplyWander, TruthMuscle
+from pam_check.blind.truth_plant import (
+    Array,
+    PressureExcitation,
+    Sensors,
+    SupplyWander,
+    TruthMuscle,
+)
 
 FULL_SCALE = 1.0e6  # Pa, of an ordinary pressure sensor
 LENGTHS_BETTER = 0.1
@@ -138,7 +144,7 @@ def background_supply(draw: Draw) -> SupplyWander:
     )
 
 
-def background_motion(draw: Draw, excitation: Excitation) -> Excitation:
+def background_motion(draw: Draw, excitation: PressureExcitation) -> PressureExcitation:
     """One motion in three is replaced by one of other kinds: ramps with holds, or a chirp."""
     kind = draw.random.choice(["drawn", "drawn", "drawn", "ramps", "chirp"])
     if kind == "drawn":
@@ -160,7 +166,7 @@ def background_motion(draw: Draw, excitation: Excitation) -> Excitation:
         wave = np.sin(2.0 * math.pi * phase) / (1.0 + time / duration)
     wave = wave * np.clip((time - 1.0) / 0.5, 0.0, 1.0)
     largest = max(float(np.max(np.abs(wave))), 1e-9)
-    return Excitation(
+    return PressureExcitation(
         level=excitation.level,
         difference=wave * (float(np.max(np.abs(excitation.difference))) / largest),
         reference_position=wave * (float(np.max(np.abs(excitation.reference_position))) / largest),

@@ -40,7 +40,7 @@ SEAL = "seal.json"
 
 
 @dataclass(frozen=True, slots=True)
-class Drawn:
+class DrawnFrom:
     """What the rigs of a campaign were drawn from."""
 
     cases: int
@@ -73,7 +73,7 @@ class Drawn:
         return str(found["labels_sha256"])
 
 
-def draw_sealed(drawn: Drawn, out: Path) -> str:
+def draw_sealed(drawn: DrawnFrom, out: Path) -> str:
     """Draw the cases in another process; return the digest of the sealed labels.
 
     Raises
@@ -189,7 +189,7 @@ def run_campaign(
         When `out` already contains a campaign (with `resume`: another or none), or the generator
         fails.
     """
-    drawn = Drawn(cases, seed, background or varied, plant, varied)
+    drawn = DrawnFrom(cases, seed, background or varied, plant, varied)
     if resume:
         digest = drawn.sealed_in(out)
     elif (out / "cases").exists():

@@ -21,12 +21,12 @@ from pam_check.blind.cases import LABELS, to_table
 from pam_check.blind.plants import FIRST, PLANTS
 from pam_check.blind.truth_plant import (
     Array,
+    PressureExcitation,
     Sensors,
     TruthJoint,
     TruthMuscle,
     TruthRecording,
 )
-from pam_check.blind.truth_plant import Excitation as TruthExcitation
 from pam_gap.experiments.excitations import Excitation
 from pam_gap.experiments.files import read_experiment
 from pam_gap.recordings.recording import LOCKED, TURNED_OVER
@@ -61,7 +61,7 @@ def carry_out(
     FloatingPointError
         When the rig diverges.
     """
-    played = TruthExcitation(
+    played = PressureExcitation(
         excitation.level,
         excitation.difference,
         excitation.position,

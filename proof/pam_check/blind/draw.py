@@ -14,7 +14,7 @@ import numpy as np
 
 from pam_check.blind.truth_plant import (
     Array,
-    Excitation,
+    PressureExcitation,
     Sensors,
     TruthJoint,
     TruthMuscle,
@@ -119,7 +119,7 @@ def draw_excitation(
     joint: TruthJoint,
     sample_time: float,
     duration: float = DURATION,
-) -> Excitation:
+) -> PressureExcitation:
     """Draw a motion: steps, sines or both, with varying co-contraction, in pressure or angle."""
     n = round(duration / sample_time)
     time = np.arange(n) * sample_time
@@ -140,7 +140,7 @@ def draw_excitation(
     level = np.convolve(np.pad(level, (width, 0), mode="edge"), np.ones(width) / width, "valid")
     closed_position = random.random() < 0.4
     amplitude = random.uniform(0.5, 1.0)
-    return Excitation(
+    return PressureExcitation(
         level=level[:n].astype(np.float64),
         difference=(ramp * wave * amplitude * (3.0e4 if closed_position else 1.0e5)),
         reference_position=ramp * wave * amplitude * 0.5 * joint.upper_limit,

@@ -236,6 +236,14 @@ KNOWN: Final[dict[str, EffectCase]] = {
         _both("contraction is 12 % more than a cylinder's", end_factor=1.12),
         of_muscle={"factor": TrueValue(lambda m, _: m["end_factor"], (FIRST,))},
     ),
+    "threshold_pressure": EffectCase(
+        lambda d: d.both(threshold_pressure=d.span(2e4, 8e4)),
+        "a bladder that comes into contact little by little",
+        "a neo-Hookean tube that is narrower than the braid",
+        ("threshold_pressure",),
+        _both("a thick bladder takes a tenth of the usual pressure", threshold_pressure=3e4),
+        of_muscle={"pressure": TrueValue(lambda m, _: m["threshold_pressure"], (FIRST,))},
+    ),
     "braid_extensibility": EffectCase(
         lambda d: d.both(thread_compliance=d.span(8e-6, 4e-5)),
         "a linear thread with implicit tension",

@@ -10,7 +10,7 @@ import numpy as np
 from pam_check.blind.second_plant import run_second
 from pam_check.blind.truth_plant import (
     Array,
-    Excitation,
+    PressureExcitation,
     Sensors,
     SupplyWander,
     TruthJoint,
@@ -27,7 +27,7 @@ class RunPlant(Protocol):
         self,
         joint: TruthJoint,
         muscles: tuple[TruthMuscle, TruthMuscle],
-        excitation: Excitation,
+        excitation: PressureExcitation,
         sensors: Sensors,
         generator: np.random.Generator,
         *,

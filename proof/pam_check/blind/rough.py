@@ -25,7 +25,7 @@ from pam_check.blind.plants import FIRST, PLANTS, RunPlant
 from pam_check.blind.strength import channels, gap, strength
 from pam_check.blind.truth_plant import (
     Array,
-    Excitation,
+    PressureExcitation,
     Sensors,
     SupplyWander,
     TruthJoint,
@@ -50,7 +50,7 @@ class BuriedError(ValueError):
 
 
 @dataclass(frozen=True)
-class DrawnRig:
+class DrawnRoughRig:
     """The true rig, and recordings of it.
 
     Attributes
@@ -126,7 +126,7 @@ class Bench:
     def compared(
         self,
         recording: TruthRecording,
-        motion: Excitation,
+        motion: PressureExcitation,
         plain: Draw,
         lone: Sequence[Draw],
     ) -> tuple[TruthRecording, float, list[float]]:
@@ -136,7 +136,7 @@ class Bench:
         ----------
         recording : TruthRecording
             Of the rig with all its effects.
-        motion : Excitation
+        motion : PressureExcitation
             The motion of this recording.
         plain : Draw
             The rig without its effects.
@@ -183,7 +183,7 @@ class Bench:
     def run(
         self,
         rig: Draw,
-        motion: Excitation,
+        motion: PressureExcitation,
         commands: Array | None = None,
     ) -> TruthRecording:
         """Record a rig."""
@@ -205,7 +205,7 @@ def draw_rough_rig(
     random: np.random.Generator,
     plant: str = FIRST,
     variety: Variety | None = None,
-) -> DrawnRig:
+) -> DrawnRoughRig:
     """Draw the true rig that belongs to a believed one.
 
     Parameters
@@ -279,7 +279,7 @@ def draw_rough_rig(
         raise BuriedError(f"{', '.join(effects)}: {together:.2f} times the background")
     check = bench.run(rig, motions[1])
     true = (kind.muscle(rig.muscles[0]), kind.muscle(rig.muscles[1]))
-    return DrawnRig(
+    return DrawnRoughRig(
         kind.joint(rig.joint), true, bench.sensors, supply, recording, check, without, together,
         tuple(strengths),
     )  # fmt: skip

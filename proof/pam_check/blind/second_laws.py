@@ -61,6 +61,8 @@ VISCOSITY = 1.81e-5  # Pa s, of air
 LINEAR_FROM = 0.999  # pressure ratio
 OGDEN = ((6.3, 1.3), (0.012, 5.0), (-0.1, -2.0))
 OGDEN_SHEAR = 0.5 * sum(modulus * power for modulus, power in OGDEN)
+NARROW = 0.8
+"""Radius of a relaxed bladder over that of the braid at rest length."""
 CABLE_TOE = 400.0  # N
 THREAD_TOE = 1500.0  # N, of all threads together
 RUB_PRESSURE, RUB_POWER = 3.0e5, 0.85
@@ -72,7 +74,7 @@ PORT_VOLUME = 5e-7  # m^3, between valve and tube
 LUMPS = 4
 
 
-class Muscle(NamedTuple):
+class SecondMuscle(NamedTuple):
     """Numbers of one muscle, its valve and its tube, as the laws need them (SI units)."""
 
     thread_length: float
@@ -105,6 +107,8 @@ class Muscle(NamedTuple):
     """N m: volume of the bladder times its shear modulus."""
     taper: float
     """Length of an end over the step in radius."""
+    hoop: float
+    """Pa, that widens the bladder until its radius has grown by a quarter at rest length."""
     yarn: float
     """1/N, strain of the threads for little tension."""
     cable: float
@@ -170,7 +174,7 @@ def line_resistance(flow: float, density: float, diameter: float) -> float:
 
 
 @compiled
-def thread(m: Muscle, gauge: float, length: float) -> float:
+def thread(m: SecondMuscle, gauge: float, length: float) -> float:
     """Length of a thread under the tension that the gauge pressure gives it [m]."""
     b = m.thread_length
     if m.yarn <= 0.0 or gauge <= 0.0:
@@ -183,7 +187,7 @@ def thread(m: Muscle, gauge: float, length: float) -> float:
 
 
 @compiled
-def braid_volume(m: Muscle, b: float, length: float) -> float:
+def braid_volume(m: SecondMuscle, b: float, length: float) -> float:
     """Volume inside the braid [m^3]: a cylinder, less what its tapered ends lack."""
     volume = length * (b * b - length * length) / (4.0 * math.pi * m.turns**2)
     if m.taper > 0.0:
@@ -195,7 +199,7 @@ def braid_volume(m: Muscle, b: float, length: float) -> float:
 
 
 @compiled
-def gas_volume(m: Muscle, gauge: float, length: float) -> tuple[float, float, float]:
+def gas_volume(m: SecondMuscle, gauge: float, length: float) -> tuple[float, float, float]:
     """Gas volume [m^3], and its derivatives by length [m^2] and by pressure [m^3/Pa]."""
     here = braid_volume(m, thread(m, gauge, length), length)
     d = 1e-6
@@ -209,7 +213,20 @@ def gas_volume(m: Muscle, gauge: float, length: float) -> tuple[float, float, fl
 
 
 @compiled
-def ogden_pull(m: Muscle, length: float) -> float:
+def carried_pressure(m: SecondMuscle, gauge: float, length: float) -> float:
+    """The part of the pressure that a bladder narrower than the braid passes on [Pa].
+
+    A thin tube of a neo-Hookean solid takes p = (mu T/R) (1 - (R/r)^4) to widen from R to r at
+    constant length (Treloar, The Physics of Rubber Elasticity, chapter 4).
+    """
+    b, rest = m.thread_length, m.rest_length
+    narrower = NARROW**4 * ((b * b - rest * rest) / (b * b - length * length)) ** 2
+    taken = m.hoop * (1.0 - min(narrower, 1.0)) / (1.0 - NARROW**4)
+    return max(gauge - taken, 0.0)
+
+
+@compiled
+def ogden_pull(m: SecondMuscle, length: float) -> float:
     """Pull of an incompressible bladder that follows the braid [N]."""
     b, rest = m.thread_length, m.rest_length
     along = length / rest
@@ -227,13 +244,13 @@ def ogden_pull(m: Muscle, length: float) -> float:
 
 @compiled
 def pull(
-    m: Muscle, gauge: float, length: float, hysteresis: float, crept: float, start: float
+    m: SecondMuscle, gauge: float, length: float, hysteresis: float, crept: float, start: float
 ) -> float:
     """Pull of a muscle [N], never below 0.
 
     Parameters
     ----------
-    m : Muscle
+    m : SecondMuscle
     gauge : float
         Pa.
     length, start : float
@@ -247,12 +264,13 @@ def pull(
         force = 0.0
     else:
         b = thread(m, gauge, length)
+        carried = carried_pressure(m, gauge, length) if m.hoop > 0.0 else gauge
         if m.taper > 0.0:
             d = 1e-6
             more, less = braid_volume(m, b, length + d), braid_volume(m, b, length - d)
-            force = gauge * (less - more) / (2.0 * d)
+            force = carried * (less - more) / (2.0 * d)
         else:
-            force = gauge * (3.0 * length * length - b * b) / (4.0 * math.pi * m.turns**2)
+            force = carried * (3.0 * length * length - b * b) / (4.0 * math.pi * m.turns**2)
         if m.rub > 0.0:
             diameter = math.sqrt(b * b - length * length) / (math.pi * m.turns)
             lateral = math.pi * diameter * length
@@ -265,7 +283,7 @@ def pull(
 
 
 @compiled
-def hysteresis_rate(m: Muscle, state: float, speed: float) -> float:
+def hysteresis_rate(m: SecondMuscle, state: float, speed: float) -> float:
     """Rate of the Bouc-Wen state [1/s] at a rate of the length [m/s]."""
     if m.rub <= 0.0:
         return 0.0
@@ -276,7 +294,7 @@ def hysteresis_rate(m: Muscle, state: float, speed: float) -> float:
 
 
 @compiled
-def cable_tension(m: Muscle, stretch: float) -> float:
+def cable_tension(m: SecondMuscle, stretch: float) -> float:
     """Tension of the cable [N]; a slack one has none."""
     if stretch <= 0.0:
         return 0.0
@@ -284,7 +302,7 @@ def cable_tension(m: Muscle, stretch: float) -> float:
 
 
 @compiled
-def heat_flow(m: Muscle, pressure: float, gas: float, wall: float, ambient: float) -> float:
+def heat_flow(m: SecondMuscle, pressure: float, gas: float, wall: float, ambient: float) -> float:
     """Heat from the wall into the gas [W]."""
     share = math.sqrt(pressure * gas / (HEAT_PRESSURE * ambient))
     return m.heat * share * (wall - gas)

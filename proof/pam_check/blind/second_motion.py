@@ -20,7 +20,7 @@ from pam_check.blind.second_laws import (
     WALL_CAPACITY,
     WALL_LOSS,
     Array,
-    Muscle,
+    SecondMuscle,
     behind_silencer,
     cable_tension,
     compiled,
@@ -35,7 +35,7 @@ from pam_check.blind.second_laws import (
 )
 
 
-class Joint(NamedTuple):
+class SecondJoint(NamedTuple):
     """Numbers of the joint, its supply and its pulley, as the laws need them (SI units)."""
 
     pulley_radius: float
@@ -85,20 +85,20 @@ STOP_STIFFNESS, STOP_DAMPING = 1500.0, 3000.0
 
 
 @compiled
-def sliding_torque(joint: Joint, speed: float) -> float:
+def sliding_torque(joint: SecondJoint, speed: float) -> float:
     """Dry friction of steady sliding [N m]."""
     over = speed / joint.stribeck_speed
     return joint.sliding + (joint.breaking - joint.sliding) / (1.0 + over * over)
 
 
 @compiled
-def wound(joint: Joint, angle: float) -> float:
+def wound(joint: SecondJoint, angle: float) -> float:
     """Length of cable on the pulley [m]."""
     return joint.pulley_radius * angle + 0.5 * joint.oval * (1.0 - math.cos(2.0 * angle))
 
 
 @compiled
-def tension(joint: Joint, m: Muscle, y: Array, at: int, sign: float) -> float:
+def tension(joint: SecondJoint, m: SecondMuscle, y: Array, at: int, sign: float) -> float:
     """Pull of the muscle with its states from `at` on [N]."""
     angle = y[PULLEY] if joint.gap > 0.0 else y[Q]
     length = y[at + LENGTH] if m.cable > 0.0 else m.neutral_length - sign * wound(joint, angle)
@@ -108,13 +108,15 @@ def tension(joint: Joint, m: Muscle, y: Array, at: int, sign: float) -> float:
 
 
 @compiled
-def sensed_pressure(m: Muscle, y: Array, at: int) -> float:
+def sensed_pressure(m: SecondMuscle, y: Array, at: int) -> float:
     """Absolute pressure at the sensor, which is at the valve's end of a tube [Pa]."""
     return float(y[at + NODES] if m.tube_length > 0.0 else y[at + PRESSURE])
 
 
 @compiled
-def tube_rates(m: Muscle, y: Array, at: int, entering: float, kelvin: float, dy: Array) -> float:
+def tube_rates(
+    m: SecondMuscle, y: Array, at: int, entering: float, kelvin: float, dy: Array
+) -> float:
     """Set the rates of the lumps of a tube; return the flow into the muscle [kg/s]."""
     area = 0.25 * math.pi * m.tube_diameter**2
     piece = m.tube_length / LUMPS
@@ -133,7 +135,7 @@ def tube_rates(m: Muscle, y: Array, at: int, entering: float, kelvin: float, dy:
 
 
 @compiled
-def spool_rates(m: Muscle, y: Array, at: int, command: float, dy: Array) -> None:
+def spool_rates(m: SecondMuscle, y: Array, at: int, command: float, dy: Array) -> None:
     """Set the rates of a spool that moves when its error is larger than its friction."""
     error = command - y[at + SPOOL]
     moving = error - min(max(error, -m.spool_friction), m.spool_friction)
@@ -147,7 +149,7 @@ def spool_rates(m: Muscle, y: Array, at: int, command: float, dy: Array) -> None
 
 @compiled
 def gas_rates(
-    joint: Joint, m: Muscle, y: Array, at: int, length: float, speed: float,
+    joint: SecondJoint, m: SecondMuscle, y: Array, at: int, length: float, speed: float,
     enter: float, leave: float, dy: Array,
 ) -> None:  # fmt: skip
     """Set the rates of the gas in a muscle, with mass flows in and out (both at least 0)."""
@@ -171,8 +173,8 @@ def gas_rates(
 
 @compiled
 def muscle_rates(
-    joint: Joint, muscles: tuple[Muscle, Muscle], i: int, y: Array, command: float, source: float,
-    wound_up: float, arm: float, angle_speed: float, dy: Array,
+    joint: SecondJoint, muscles: tuple[SecondMuscle, SecondMuscle], i: int, y: Array,
+    command: float, source: float, wound_up: float, arm: float, angle_speed: float, dy: Array,
 ) -> tuple[float, float]:  # fmt: skip
     """Set the rates of one muscle; return its torque [N m] and what it draws [kg/s]."""
     m = muscles[i]
@@ -218,8 +220,8 @@ def muscle_rates(
 
 @compiled
 def rates(
-    joint: Joint, muscles: tuple[Muscle, Muscle], y: Array, command_a: float, command_b: float,
-    supply: float, stuck: Array, dy: Array,
+    joint: SecondJoint, muscles: tuple[SecondMuscle, SecondMuscle], y: Array,
+    command_a: float, command_b: float, supply: float, stuck: Array, dy: Array,
 ) -> None:  # fmt: skip
     """Set the rates `dy` of all states."""
     dy[:] = 0.0
@@ -267,7 +269,7 @@ def rates(
 
 
 @compiled
-def stick_or_slip(joint: Joint, y: Array, stuck: Array) -> None:
+def stick_or_slip(joint: SecondJoint, y: Array, stuck: Array) -> None:
     """Decide for each element of dry friction whether it sticks (0) or where it slips (-1, 1)."""
     slides = sliding_torque(joint, y[SPEED])
     for j in range(len(SHARES)):
@@ -280,8 +282,8 @@ def stick_or_slip(joint: Joint, y: Array, stuck: Array) -> None:
 
 @compiled
 def advance(
-    joint: Joint, muscles: tuple[Muscle, Muscle], y: Array, command_a: float, command_b: float,
-    supply: float, step: float, stuck: Array, work: Array,
+    joint: SecondJoint, muscles: tuple[SecondMuscle, SecondMuscle], y: Array,
+    command_a: float, command_b: float, supply: float, step: float, stuck: Array, work: Array,
 ) -> None:  # fmt: skip
     """Move all states on by one step [s]; `work` has shape (5, STATES)."""
     trial = work[4]
@@ -298,7 +300,9 @@ def advance(
         stick_or_slip(joint, y, stuck)
 
 
-def at_rest(joint: Joint, muscles: tuple[Muscle, Muscle], gauge: tuple[float, float]) -> Array:
+def at_rest(
+    joint: SecondJoint, muscles: tuple[SecondMuscle, SecondMuscle], gauge: tuple[float, float]
+) -> Array:
     """States at position 0 with these pressures in the muscles [Pa gauge]."""
     y = np.zeros(STATES)
     y[RESERVOIR] = joint.supply

@@ -23,7 +23,7 @@ import math
 
 import numpy as np
 
-from pam_check.blind.second_laws import LUMPS, Array, Muscle, compiled
+from pam_check.blind.second_laws import LUMPS, Array, SecondMuscle, compiled
 from pam_check.blind.second_motion import (
     OF_JOINT,
     OF_MUSCLE,
@@ -32,15 +32,15 @@ from pam_check.blind.second_motion import (
     SHARES,
     SPOOL_DAMPING,
     STATES,
-    Joint,
     Q,
+    SecondJoint,
     advance,
     at_rest,
     sensed_pressure,
     tension,
 )
 from pam_check.blind.truth_plant import (
-    Excitation,
+    PressureExcitation,
     Sensors,
     SupplyWander,
     TruthJoint,
@@ -81,7 +81,7 @@ def tube_of(volume: float, conductance: float) -> tuple[float, float]:
     return diameter, length
 
 
-def muscle_of(truth: TruthMuscle) -> Muscle:
+def muscle_of(truth: TruthMuscle) -> SecondMuscle:
     """The numbers that the laws need."""
     diameter, length = 0.0, 0.0
     lump = 0.0
@@ -91,7 +91,7 @@ def muscle_of(truth: TruthMuscle) -> Muscle:
     slow = truth.second_pole
     frequency = 2.0 * SPOOL_DAMPING / (truth.time_constant + slow) if slow > 0.0 else 0.0
     ratio = truth.exhaust_ratio
-    return Muscle(
+    return SecondMuscle(
         thread_length=truth.thread_length,
         turns=truth.turns,
         rest_length=truth.rest_length,
@@ -115,14 +115,15 @@ def muscle_of(truth: TruthMuscle) -> Muscle:
         creep_share=4.0 * truth.creep_order,
         rubber=truth.bladder_volume * truth.bladder_modulus / 3.0,
         taper=16.0 * (truth.end_factor - 1.0),
+        hoop=truth.threshold_pressure,
         yarn=truth.thread_compliance,
         cable=700.0 * truth.cable_compliance,
     )
 
 
-def joint_of(truth: TruthJoint) -> Joint:
+def joint_of(truth: TruthJoint) -> SecondJoint:
     """The numbers that the laws need."""
-    return Joint(
+    return SecondJoint(
         pulley_radius=truth.pulley_radius,
         inertia=truth.inertia,
         viscous_friction=truth.viscous_friction,
@@ -187,9 +188,9 @@ def control(
 
 @compiled
 def play(
-    joint: Joint, muscles: tuple[Muscle, Muscle], y: Array, step: float, loop: Array,
-    references: tuple[Array, Array, Array], fixed: bool, sensing: Array, late: Array, supply: Array,
-    noise: Array, commands: Array, sensed: Array, truth: Array,
+    joint: SecondJoint, muscles: tuple[SecondMuscle, SecondMuscle], y: Array, step: float,
+    loop: Array, references: tuple[Array, Array, Array], fixed: bool, sensing: Array,
+    late: Array, supply: Array, noise: Array, commands: Array, sensed: Array, truth: Array,
 ) -> int:  # fmt: skip
     """Run all samples; return how many until the joint diverged.
 
@@ -282,7 +283,7 @@ def supply_share(supply: SupplyWander | None, time: Array) -> Array:
 def run_second(
     joint: TruthJoint,
     muscles: tuple[TruthMuscle, TruthMuscle],
-    excitation: Excitation,
+    excitation: PressureExcitation,
     sensors: Sensors,
     generator: np.random.Generator,
     *,
@@ -316,8 +317,8 @@ def run_second(
     commands = np.zeros((n, 2)) if fixed_commands is None else np.array(fixed_commands, dtype=float)
     sensed, truth = np.zeros((n, 5)), np.zeros((n, 3))
     done: int = play(
-        Joint(*map(float, inside)),
-        (Muscle(*map(float, pair[0])), Muscle(*map(float, pair[1]))),
+        SecondJoint(*map(float, inside)),
+        (SecondMuscle(*map(float, pair[0])), SecondMuscle(*map(float, pair[1]))),
         at_rest(inside, pair, (level + difference, level - difference)),
         step * (TUBE_STEP / STEP if any(m.tube_length > 0.0 for m in pair) else 1.0),
         np.array([

@@ -150,7 +150,7 @@ class Campaign:
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class SensitivityRow:
     """Result of one change of one constant.
 
     Attributes
@@ -216,8 +216,8 @@ def sensitivity(
     rediagnose: int = 0,
     workers: int = 1,
     only: Sequence[str] = (),
-    tell: Callable[[Row], None] = lambda row: None,
-) -> list[Row]:
+    tell: Callable[[SensitivityRow], None] = lambda row: None,
+) -> list[SensitivityRow]:
     """Change every constant downwards and upwards by a given share.
 
     Parameters
@@ -252,7 +252,7 @@ def sensitivity(
             value = entry.scaled(factor)
             rules = changed(entry.path, value)
             if entry.acts == PROPOSAL:
-                row = Row(entry, value, "changes no verdict")
+                row = SensitivityRow(entry, value, "changes no verdict")
             elif entry.acts == DECISION:
                 answers, inexact = campaign.decided(rules)
                 row = _row(campaign, entry, value, "decided again", answers, inexact)
@@ -264,7 +264,7 @@ def sensitivity(
                     found = dict(zip(cases, pool.map(diagnosed_again, tasks), strict=True))
                 row = _row(campaign, entry, value, "diagnosed again", found)
             else:
-                row = Row(entry, value, "not run")
+                row = SensitivityRow(entry, value, "not run")
             rows.append(row)
             tell(row)
     return rows
@@ -277,11 +277,11 @@ def _row(
     how: str,
     answers: Answers,
     inexact: int = 0,
-) -> Row:
+) -> SensitivityRow:
     labels = [label for label in campaign.labels if label["case"] in answers]
     before = {case: campaign.answers[case] for case in answers}
     moved = sum(not same(answers[case], before[case]) for case in answers)
-    return Row(
+    return SensitivityRow(
         entry,
         value,
         how,
@@ -293,7 +293,7 @@ def _row(
     )
 
 
-def to_json(rows: Sequence[Row]) -> list[dict[str, Any]]:
+def to_json(rows: Sequence[SensitivityRow]) -> list[dict[str, Any]]:
     """The rows as data for a JSON file."""
     return [
         {
@@ -318,7 +318,7 @@ def _cell(after: tuple[int, int], before: tuple[int, int]) -> str:
     return f"{after[0]}/{after[1]} (was {before[0]}/{before[1]})"
 
 
-def to_markdown(rows: Sequence[Row]) -> str:
+def to_markdown(rows: Sequence[SensitivityRow]) -> str:
     """Table of the changes that moved a verdict or a count, and lists of the other constants."""
     lines = [
         "| " + " | ".join((*COLUMNS, *HEADINGS)) + " |",
@@ -357,11 +357,11 @@ def run(given: Arguments) -> Outcome:
         When the folder contains no campaign with evidence, or evidence of another version.
     """
     campaign = Campaign.read(given.folder)
-    rows: list[Row] = []
+    rows: list[SensitivityRow] = []
     total = 2 * (len(given.only) or len(table()))
     with progress(total, "changing constants") as bar:
 
-        def tell(row: Row) -> None:
+        def tell(row: SensitivityRow) -> None:
             rows.append(row)
             bar.show(len(rows))
 

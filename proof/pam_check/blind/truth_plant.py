@@ -107,6 +107,7 @@ class TruthMuscle(NamedTuple):
     bladder_volume: float = 0.0
     bladder_modulus: float = 0.0
     end_factor: float = 1.0
+    threshold_pressure: float = 0.0  # at which the bladder lies against the braid [Pa]
     thread_compliance: float = 0.0  # 1/(N_t E A) [1/N]
     cable_compliance: float = 0.0
     pressure_gain: float = 1.0
@@ -156,7 +157,7 @@ class SupplyWander(NamedTuple):
 
 
 @dataclass
-class Excitation:
+class PressureExcitation:
     """Pressure references, and the gains of the control loop."""
 
     level: Array  # (n,) mean of both pressures [Pa]
@@ -482,7 +483,13 @@ def run_samples(  # noqa: PLR0912, PLR0915
                 # Muscle force.
                 le = new_length
                 effective = rest * (1.0 - m.end_factor * (rest - le) / rest)
-                pull = gauge[i] * (3.0 * effective * effective - b * b) * scale
+                carried = gauge[i]
+                if m.threshold_pressure > 0.0:
+                    # The bladder comes into contact little by little.
+                    beyond = gauge[i] - m.threshold_pressure
+                    width = 0.1 * m.threshold_pressure
+                    carried = 0.5 * (beyond + math.sqrt(beyond * beyond + width * width))
+                pull = carried * (3.0 * effective * effective - b * b) * scale
                 if m.bladder_volume > 0.0:
                     x1 = le / rest
                     c = rest * rest / (b * b - rest * rest)
@@ -584,7 +591,7 @@ def slow_noise(
 def run_truth(
     joint: TruthJoint,
     muscles: tuple[TruthMuscle, TruthMuscle],
-    excitation: Excitation,
+    excitation: PressureExcitation,
     sensors: Sensors,
     generator: np.random.Generator,
     *,
@@ -597,7 +604,7 @@ def run_truth(
     ----------
     joint, muscles : TruthJoint, (TruthMuscle, TruthMuscle)
         Agonist first.
-    excitation : Excitation
+    excitation : PressureExcitation
         References of n samples and the loop's gains.
     sensors : Sensors
         Noise and quantisation of the sensors.

@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 
 from pam_check.blind.effect_cases import KNOWN, OUTSIDE
-from pam_check.blind.truth_plant import Excitation, Sensors, TruthJoint, TruthMuscle
+from pam_check.blind.truth_plant import PressureExcitation, Sensors, TruthJoint, TruthMuscle
 
 SMALLEST, LARGEST = 0.12, 2.7
 """Length scales of muscles that pull with about 10 N and 5 kN at 3 bar."""
@@ -119,7 +119,7 @@ class Variety:
             force_drift=force * sensors.force_drift,
         )
 
-    def motion(self, motion: Excitation, random: np.random.Generator) -> Excitation:
+    def motion(self, motion: PressureExcitation, random: np.random.Generator) -> PressureExcitation:
         """A motion that suits the valves, and is slow on a rig with slow motions."""
         motion = replace(motion, proportional=motion.proportional / self.flow)
         if not self.slow:

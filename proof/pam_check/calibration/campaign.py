@@ -23,7 +23,7 @@ import yaml
 from pam_check.calibration.drawn_rig import (
     EXCHANGES,
     OF_FLOW_VALVES,
-    DrawnRig,
+    CalibrationRig,
     angle_error,
     draw_rig,
     exchange,
@@ -140,7 +140,7 @@ def as_recording(table: pd.DataFrame, name: str) -> Recording:
     return resample(from_columns(Path(name), table["time"].to_numpy(dtype=float), columns))
 
 
-def calibrate(drawn: DrawnRig, partial: PartialRig) -> Calibration:
+def calibrate(drawn: CalibrationRig, partial: PartialRig) -> Calibration:
     """Calibrate one drawn rig."""
     return calibrate_joint(
         partial,
@@ -152,7 +152,7 @@ def calibrate(drawn: DrawnRig, partial: PartialRig) -> Calibration:
     )
 
 
-def exchanges_told(drawn: DrawnRig, partial: PartialRig) -> list[bool]:
+def exchanges_told(drawn: CalibrationRig, partial: PartialRig) -> list[bool]:
     """Whether each exchange that could have been made on a rig would be told, from its wiring."""
     rig, found = partial.rig, []
     is_flow = rig.muscles[0].valve.kind == "flow"
@@ -243,7 +243,7 @@ def text_of(result: Mapping[str, Any]) -> str:
     )
 
 
-def _one(rig: int, drawn: DrawnRig, folder: Path) -> tuple[dict[str, Any], list[Compared]]:
+def _one(rig: int, drawn: CalibrationRig, folder: Path) -> tuple[dict[str, Any], list[Compared]]:
     """Calibrate one rig: what was found of it, and its numbers beside the true ones."""
     path = folder / f"{rig:03d}.yaml"
     path.write_text(

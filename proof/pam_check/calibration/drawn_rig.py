@@ -19,7 +19,7 @@ from pam_check.blind.cases import rig_parameters, to_table
 from pam_check.blind.draw import Draw, believed_rig, draw_excitation, draw_sensors
 from pam_check.blind.rough import uneven
 from pam_check.blind.truth_plant import (
-    Excitation,
+    PressureExcitation,
     Sensors,
     SupplyWander,
     TruthJoint,
@@ -52,7 +52,7 @@ OF_FLOW_VALVES = EXCHANGES[2:]
 
 
 @dataclass(frozen=True)
-class DrawnRig:
+class CalibrationRig:
     """A drawn rig: what its owner has, and the truth.
 
     Attributes
@@ -79,7 +79,7 @@ class DrawnRig:
 
 def motion(
     random: np.random.Generator, joint: TruthJoint, step: float, duration: float
-) -> Excitation:
+) -> PressureExcitation:
     """What docs/record_for_diagnosis.md asks for: rest, then steps, sines and co-contraction."""
     drawn = draw_excitation(random, joint, step, duration)
     time = np.arange(drawn.level.size) * step
@@ -91,7 +91,7 @@ def motion(
     )
 
 
-def draw_rig(random: np.random.Generator) -> DrawnRig:
+def draw_rig(random: np.random.Generator) -> CalibrationRig:
     """Draw one rig that can run.
 
     Raises
@@ -163,7 +163,7 @@ def draw_exchange(random: np.random.Generator, is_flow: bool) -> str:
     return "hoses" if exchanged in OF_FLOW_VALVES and not is_flow else exchanged
 
 
-def _drawn(random: np.random.Generator, kind: Variety) -> DrawnRig | None:
+def _drawn(random: np.random.Generator, kind: Variety) -> CalibrationRig | None:
     drawn = draw_true_rig(random, kind)
     joint, true_joint, (first, second) = drawn.believed, drawn.joint, drawn.muscles
     sensors, supply = drawn.sensors, drawn.supply
@@ -180,7 +180,7 @@ def _drawn(random: np.random.Generator, kind: Variety) -> DrawnRig | None:
         tables.append(uneven(to_table(made, has_cells), random))
     exchanged = draw_exchange(random, first.regulator == 0.0)
     log, withheld = (exchange(table, exchanged) for table in tables)
-    return DrawnRig(
+    return CalibrationRig(
         written_numbers(random, true_joint, first, second),
         log,
         withheld,

@@ -9,7 +9,7 @@ import numpy as np
 from pam_check.blind.truth_plant import Array
 from pam_check.calibration.drawn_rig import TrueRig
 from pam_check.control.running_truth import RunningTruth
-from pam_demo.commission.robot_port import Reading
+from pam_demo.commission.robot_port import JointReading
 
 AT_REST = 6.0  # s, in which the vented joint comes to rest before anybody looks
 
@@ -63,7 +63,7 @@ class TruthPort:
         """True pressures [Pa] and position [rad], shape (n, 3)."""
         return self._plant.truth[self._first : self._plant.samples]
 
-    def advance(self, commands: Sequence[float]) -> Reading:
+    def advance(self, commands: Sequence[float]) -> JointReading:
         """As of every `RobotPort`."""
         first, second = commands
         if self._exchanged == "hoses":
@@ -79,4 +79,4 @@ class TruthPort:
         if self._exchanged == "hoses":
             pressures.reverse()
         now = (self._plant.samples - 1 - self._first) * self.period
-        return Reading(now, position, (pressures[0], pressures[1]))
+        return JointReading(now, position, (pressures[0], pressures[1]))

@@ -38,7 +38,7 @@ TOLD: Final = ControlSettings(period=PERIOD, measurement_delay=0.0, command_dela
 
 
 @dataclass(frozen=True, slots=True)
-class Played:
+class PlayedRun:
     """How a controller played a motion.
 
     Attributes
@@ -115,7 +115,7 @@ def true_rig(rig: Rig) -> tuple[TruthJoint, Muscles]:
     return truth, (first, second)
 
 
-class Trace:
+class RunTrace:
     """What happened in a run, one row per period.
 
     Attributes
@@ -143,7 +143,7 @@ def play(
     points: Sequence[TrajectoryPoint],
     seed: int,
     goes_to: float | None = MOTIONS_BEGIN_AT,
-) -> tuple[Played, Trace]:
+) -> tuple[PlayedRun, RunTrace]:
     """Hold, go to where motions begin, follow one, hold; return the figures and what happened.
 
     The joint goes to the beginning because an encoder with a wrong zero shows another angle at
@@ -165,7 +165,7 @@ def play(
     name = controller.rig.joints[0].name
     # no law can see the zero of the encoder: the error is that of the angle without noise
     offset = joint.position_offset
-    trace, commands = Trace(count), (0.0, 0.0)
+    trace, commands = RunTrace(count), (0.0, 0.0)
     approach, begin = round(APPROACH[0] / PERIOD), round(SETTLED / PERIOD)
     stopped = ""
     for k in range(count):
@@ -194,7 +194,7 @@ def play(
     if not stopped:
         index = np.arange(resting.size)
         still = float(np.ptp(resting - np.polyval(np.polyfit(index, resting, 1), index)))
-    played = Played(
+    played = PlayedRun(
         rms=math.inf if stopped else float(np.sqrt(np.mean(error**2))),
         clipped=float(np.mean(np.abs(spools) >= CLIPPED, axis=0).max()),
         limit_cycle=still,

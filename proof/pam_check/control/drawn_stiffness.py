@@ -19,7 +19,7 @@ import numpy as np
 from pam_check.blind.truth_plant import TruthJoint
 from pam_check.control.closed_loop import MOTIONS_BEGIN_AT, TOLD, Muscles, play, true_rig
 from pam_check.control.rough_control import RoughControl
-from pam_control.references.test_motion import test_motion
+from pam_control.references.sine_burst import sine_burst
 from pam_model.command_line import Arguments, Outcome, chosen_rig, progress
 from pam_model.rig import load_rig
 
@@ -101,7 +101,7 @@ def run_draw(rough: RoughControl, seed: int, amplitude: float = 0.0) -> DrawnSti
     points, goes_to = rough.motions[MOTION], MOTIONS_BEGIN_AT
     if amplitude > 0.0:
         goes_to = float(random.uniform(-0.6, 0.6))
-        points = test_motion(goes_to, amplitude, TEST_FREQUENCY)
+        points = sine_burst(goes_to, amplitude, TEST_FREQUENCY)
     _, trace = play(rough.controller, joint, muscles, points, seed, goes_to)
     channel = rough.controller.channels[0]
     model_error = error = covered = width = 0.0

@@ -15,7 +15,7 @@ from typing import ClassVar, Final
 import numpy as np
 
 from pam_check.blind.truth_plant import TruthMuscle
-from pam_check.control.closed_loop import PERIOD, TOLD, Trace, play, true_rig
+from pam_check.control.closed_loop import PERIOD, TOLD, RunTrace, play, true_rig
 from pam_check.control.rough_control import NOTHING, RoughControl
 from pam_control.controller import Controller
 from pam_control.feedback.gain_design import DesignTask, PidCost
@@ -70,7 +70,7 @@ class FeedbackCost:
     air: float
 
 
-def air_taken(trace: Trace, muscles: tuple[TruthMuscle, TruthMuscle], rig: Rig) -> float:
+def air_taken(trace: RunTrace, muscles: tuple[TruthMuscle, TruthMuscle], rig: Rig) -> float:
     """Volume of air at reference conditions that the valves let in per second [dm^3/s].
 
     The flow is that of ISO 6358 through the opening that is commanded.

@@ -19,7 +19,7 @@ from typing import Final
 import pandas as pd
 
 from pam_check.blind.truth_plant import TruthJoint
-from pam_check.control.closed_loop import PERIOD, TOLD, Muscles, Trace, play
+from pam_check.control.closed_loop import PERIOD, TOLD, Muscles, RunTrace, play
 from pam_check.control.rough_control import NOTHING, RoughControl, chosen_effects
 from pam_control.controller import Controller
 from pam_gap import Recording, diagnose, import_recording
@@ -67,7 +67,7 @@ class ImprovedResult:
         return any(after[name] > NOT_WORSE * before[name] for name in before)
 
 
-def recorded(trace: Trace, rig: Rig, path: Path) -> Recording:
+def recorded(trace: RunTrace, rig: Rig, path: Path) -> Recording:
     """The run as a log shows it: commands when they were sent to the valves, and sensors."""
     joint = rig.joints[0]
     count = len(trace.measured)

@@ -19,8 +19,8 @@ from pam_check.control.closed_loop import (
     MOTIONS_BEGIN_AT,
     TOLD,
     Muscles,
-    Played,
-    Trace,
+    PlayedRun,
+    RunTrace,
     play,
     true_rig,
 )
@@ -112,7 +112,7 @@ def learnt(
     points: Sequence[TrajectoryPoint],
     repetitions: int,
     seed: int,
-) -> tuple[list[Played], Trace, str]:
+) -> tuple[list[PlayedRun], RunTrace, str]:
     """Repeat a motion of `from_start`; return all figures, the last trace, and why learning ended.
 
     The controller forgets what it knew before. Its settings name a motion to learn.

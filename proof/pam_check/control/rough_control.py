@@ -27,9 +27,9 @@ import pam_model
 from pam_check.blind.effect_cases import KNOWN, size_of
 from pam_check.blind.hidden_size import CLEAN
 from pam_check.blind.truth_plant import TruthJoint
-from pam_check.control.closed_loop import TOLD, Muscles, Played, play, true_rig
+from pam_check.control.closed_loop import TOLD, Muscles, PlayedRun, play, true_rig
 from pam_check.control.motions import MOTIONS
-from pam_check.control.tuned_pid import Bench, Motions, TunedPid, tune
+from pam_check.control.tuned_pid import Motions, TunedPid, TuningBench, tune
 from pam_control.controller import Controller
 from pam_control.feedback.kept_designs import KeptDesigns, user_cache_folder
 from pam_control.settings import ControlSettings
@@ -51,11 +51,11 @@ class RoughResult:
     ----------
     effect, motion : str
         What was hidden, and what was played.
-    controller : Played
+    controller : PlayedRun
         With the nominal rig file, at the last time.
-    first : Played
+    first : PlayedRun
         The same at the first time, when the controller had learnt nothing.
-    pid : Played or None
+    pid : PlayedRun or None
         The tuned PID; None without its search.
     seconds : float
         Processor time of a run of the controller [s].
@@ -63,9 +63,9 @@ class RoughResult:
 
     effect: str
     motion: str
-    controller: Played
-    first: Played
-    pid: Played | None = None
+    controller: PlayedRun
+    first: PlayedRun
+    pid: PlayedRun | None = None
     seconds: float = 0.0
 
     @property
@@ -189,9 +189,9 @@ class RoughControl:
 
     def tuned_pid(
         self, joint: TruthJoint, muscles: Muscles, baselines: Baselines, tries: int
-    ) -> tuple[Bench, TunedPid]:
+    ) -> tuple[TuningBench, TunedPid]:
         """A true rig with the PID that was tuned on it, in these motions."""
-        bench = Bench(self.rig, joint, muscles, self.motions, self._seed, self.designs)
+        bench = TuningBench(self.rig, joint, muscles, self.motions, self._seed, self.designs)
         key = self._key(joint, muscles, tries)
         return bench, baselines.get(key, lambda: tune(bench, tries, self._pressure_loops))
 

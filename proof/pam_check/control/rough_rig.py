@@ -23,7 +23,7 @@ from pam_check.control.closed_loop import (
     SETTLED,
     TOLD,
     Muscles,
-    Trace,
+    RunTrace,
     play,
     true_rig,
 )
@@ -64,7 +64,7 @@ def rough_truth(rig: Rig) -> tuple[TruthJoint, Muscles]:
     return joint, (changed[0], changed[1])
 
 
-def _way(name: str, stopped: str, trace: Trace, motion: float, begin: float = SETTLED) -> Way:
+def _way(name: str, stopped: str, trace: RunTrace, motion: float, begin: float = SETTLED) -> Way:
     rows = slice(round(begin / PERIOD), round((begin + motion) / PERIOD))
     return Way(name, trace.position[rows], trace.reference[rows, 0], stopped)
 

@@ -29,13 +29,13 @@ from pam_gap.answer.page_style import PLOT_LOOK
 from pam_model.argument_types import make_parents
 from pam_model.command_line import Arguments, Outcome, chosen_rig, progress
 from pam_model.rig import Rig, load_rig
-from pam_sim.environment import PamVectorEnv, Task
+from pam_sim.environment import EpisodeTask, PamVectorEnv
 from pam_sim.randomisation import Randomisation
 
 Array = npt.NDArray[np.float64]
 
 PICTURE: Final = "trained_policy.png"
-TASK: Final = Task(period=0.02, seconds=8.0, hold=1.0)
+TASK: Final = EpisodeTask(period=0.02, seconds=8.0, hold=1.0)
 WRITTEN, IMPROVED, DRAWN = (
     "rig file as written",
     "improved rig file",
@@ -87,7 +87,7 @@ START: Final = np.log([3.0, 0.2, 0.3, 0.3, 0.02])
 
 
 @dataclass(frozen=True, slots=True)
-class Search:
+class CrossEntropySearch:
     """How long the cross-entropy method searches.
 
     Attributes
@@ -105,7 +105,7 @@ class Search:
     generations: int = 15
 
 
-def train(rig: Rig, randomisation: Randomisation, search: Search, seed: int) -> Array:
+def train(rig: Rig, randomisation: Randomisation, search: CrossEntropySearch, seed: int) -> Array:
     """The numbers of the policy that the search ends with.
 
     Parameters
@@ -114,7 +114,7 @@ def train(rig: Rig, randomisation: Randomisation, search: Search, seed: int) -> 
         The robot to train on, of one joint with flow valves.
     randomisation : Randomisation
         How its numbers are drawn.
-    search : Search
+    search : CrossEntropySearch
         How long.
     seed : int
         Of candidates, numbers and targets.
@@ -258,7 +258,7 @@ def run(given: Arguments) -> Outcome:
         done = 1
         for name, (known, randomisation) in ways.items():
             for k in range(given.trainings):
-                search = replace(Search(), generations=given.generations)
+                search = replace(CrossEntropySearch(), generations=given.generations)
                 numbers = train(known, randomisation, search, given.seed + k)
                 found[name].append(tried(numbers, rig, *truth, given.seed))
                 done += 1

@@ -28,7 +28,15 @@ from typing import Any, Final
 import numpy as np
 
 from pam_check.blind.truth_plant import TruthJoint
-from pam_check.control.closed_loop import LIMIT_CYCLE, SETTLED, TOLD, Muscles, Played, Trace, play
+from pam_check.control.closed_loop import (
+    LIMIT_CYCLE,
+    SETTLED,
+    TOLD,
+    Muscles,
+    PlayedRun,
+    RunTrace,
+    play,
+)
 from pam_control.control_step import JointTelemetry
 from pam_control.controller import Controller
 from pam_control.feedback.gain_schedule import GainSchedule
@@ -36,7 +44,7 @@ from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.feedback.pid import PidGains
 from pam_control.laws.pressure_difference_pid import PressureDifferencePid
 from pam_control.loop_design import Loops, PreparedSettings
-from pam_control.loop_guard import LoopGuard, Means, Verdict
+from pam_control.loop_guard import GuardAction, LoopGuard, Means
 from pam_control.references.trajectory import TrajectoryPoint
 from pam_model.rig import Rig
 
@@ -80,11 +88,11 @@ class _NoGuard(LoopGuard):
         joints: Sequence[JointTelemetry],
         tracking_time: float,
         means: Means,
-    ) -> Verdict:
-        return Verdict.NOTHING
+    ) -> GuardAction:
+        return GuardAction.NOTHING
 
 
-class Bench:
+class TuningBench:
     """One rig, on which gains are tried.
 
     Parameters
@@ -129,7 +137,7 @@ class Bench:
             coefficients,
         )
 
-    def play(self, tuned: TunedPid) -> dict[str, tuple[Played, Trace]]:
+    def play(self, tuned: TunedPid) -> dict[str, tuple[PlayedRun, RunTrace]]:
         """Play all motions."""
         self._use(tuned)
         self.tried += 1
@@ -152,7 +160,7 @@ class Bench:
         self._controller.use(PreparedSettings(settings, law, loops, None))
 
     @staticmethod
-    def fitted(tuned: TunedPid, runs: Mapping[str, tuple[Played, Trace]]) -> TunedPid:
+    def fitted(tuned: TunedPid, runs: Mapping[str, tuple[PlayedRun, RunTrace]]) -> TunedPid:
         """The same gains with the feedforward that runs with them have shown to be needed."""
         return dataclasses.replace(tuned, feedforward=_fitted([t for _, t in runs.values()]))
 
@@ -169,7 +177,7 @@ class Bench:
         runs = self.play(tuned)
         return self.cost_of(tuned, {name: played for name, (played, _) in runs.items()})
 
-    def cost_of(self, tuned: TunedPid, played: Mapping[str, Played]) -> float:
+    def cost_of(self, tuned: TunedPid, played: Mapping[str, PlayedRun]) -> float:
         """The cost of gains whose runs are known."""
         self._use(self.scaled(tuned, RESERVE))
         reached, _ = play(self._controller, *self._true, REACH, self._seed)
@@ -177,7 +185,7 @@ class Bench:
         return _cost(played) + max(math.log(rest / LIMIT_CYCLE), 0.0)
 
 
-def _cost(played: Mapping[str, Played]) -> float:
+def _cost(played: Mapping[str, PlayedRun]) -> float:
     logs = []
     for each in played.values():
         error = LARGEST_ERROR if each.stopped else min(each.rms, LARGEST_ERROR)
@@ -185,7 +193,7 @@ def _cost(played: Mapping[str, Played]) -> float:
     return float(np.mean(logs))
 
 
-def _fitted(traces: Sequence[Trace]) -> Coefficients:
+def _fitted(traces: Sequence[RunTrace]) -> Coefficients:
     """Least squares of half the measured pressure difference on the reference's polynomial."""
     rows, wanted = [], []
     for trace in traces:
@@ -199,12 +207,12 @@ def _fitted(traces: Sequence[Trace]) -> Coefficients:
     return c0, c1, c2, c3, c4
 
 
-def tune(bench: Bench, tries: int, pressure_loops: bool) -> TunedPid:
+def tune(bench: TuningBench, tries: int, pressure_loops: bool) -> TunedPid:
     """The best gains and feedforward that are found with about this number of tries.
 
     Parameters
     ----------
-    bench : Bench
+    bench : TuningBench
         The rig.
     tries : int
         Number of gains that are tried.

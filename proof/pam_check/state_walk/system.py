@@ -72,7 +72,7 @@ BOARD_SETTINGS: Final = BoardSettings(
 )
 
 
-class Wire:
+class DirectWire:
     """A bus between the driver and the board; the board hears a frame when it is sent."""
 
     state = BusState.ERROR_ACTIVE
@@ -95,7 +95,7 @@ class Wire:
 class DriverProcess:
     """The driver's process: what the node does for its callers, without ROS."""
 
-    def __init__(self, rig: Rig, wiring: RigWiring, wire: Wire) -> None:
+    def __init__(self, rig: Rig, wiring: RigWiring, wire: DirectWire) -> None:
         self.driver: Driver | None = None
         self.start_up = StartUp()
         self.active = False
@@ -236,7 +236,7 @@ class System:
 
     rig: Rig
     wiring: RigWiring
-    wire: Wire
+    wire: DirectWire
     one_process: bool = False
     now: float = ORIGIN
     driver: DriverProcess | None = None
@@ -361,7 +361,7 @@ def make_system(rig: Rig, *, one_process: bool = False) -> System:
         [int(wire.channel) for wire in wired.valves],
         ORIGIN,
     )
-    return System(rig, wiring, Wire(board), one_process)
+    return System(rig, wiring, DirectWire(board), one_process)
 
 
 def too_high(rig: Rig) -> float:

@@ -12,6 +12,7 @@ if __name__ == "__main__":  # before the imports below, which take time
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from pam_model.argument_types import count, input_path, output_file
 from pam_model.command_line import (
@@ -25,6 +26,9 @@ from pam_model.command_line import (
     chosen_rig,
     start_node,
 )
+
+if TYPE_CHECKING:
+    from pam_ros.node_help import NodeHelp
 
 
 def _declare(parser: Parser) -> None:
@@ -103,6 +107,17 @@ def _markers(arguments: Sequence[str] | None) -> int:
     return run(arguments)
 
 
+def _markers_usage() -> NodeHelp:
+    from pam_bringup.viewer.markers_help import HELP  # noqa: PLC0415
+
+    return HELP
+
+
+MARKERS = NodeCommand(
+    "markers", "publish the muscles for RViz (a ROS node)", _markers, _markers_usage
+)
+
+
 def _declare_security(parser: Parser) -> None:
     parser.add_argument("file", type=output_file, help="where to write the policy (XML)")
     add_rig(parser)
@@ -131,7 +146,7 @@ COMMANDS = (
             "pam bringup viewer out/demo/bag",
         ),
     ),
-    NodeCommand("markers", "publish the muscles for RViz (a ROS node)", _markers),
+    MARKERS,
     Command(
         "security",
         "write the SROS 2 policy of a rig",
@@ -164,7 +179,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def markers() -> int:
     """Entry point of `ros2 run pam_bringup pam_markers`."""
-    return start_node(_markers)
+    return start_node(MARKERS)
 
 
 if __name__ == "__main__":

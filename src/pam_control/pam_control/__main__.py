@@ -9,6 +9,7 @@ if __name__ == "__main__":  # before the imports below, which take time
 
 import sys
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from pam_model.argument_types import input_folder
 from pam_model.command_line import (
@@ -21,11 +22,23 @@ from pam_model.command_line import (
     start_node,
 )
 
+if TYPE_CHECKING:
+    from pam_ros.node_help import NodeHelp
+
 
 def _node(arguments: Sequence[str] | None) -> int:
     from pam_control.controller_node import main as run  # noqa: PLC0415  (rclpy)
 
     return run(arguments)
+
+
+def _usage() -> NodeHelp:
+    from pam_control.controller_help import HELP  # noqa: PLC0415
+
+    return HELP
+
+
+NODE = NodeCommand("node", "control position and stiffness of joints (a ROS node)", _node, _usage)
 
 
 def _declare_parameters(parser: Parser) -> None:
@@ -51,7 +64,7 @@ def _parameters(chosen: Arguments) -> Outcome:
 
 
 COMMANDS = (
-    NodeCommand("node", "control position and stiffness of joints (a ROS node)", _node),
+    NODE,
     Command(
         "parameters",
         "print a parameter file with all defaults and what they mean",
@@ -70,7 +83,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def controller_node() -> int:
     """Entry point of `ros2 run pam_control pam_controller_node`."""
-    return start_node(_node)
+    return start_node(NODE)
 
 
 if __name__ == "__main__":

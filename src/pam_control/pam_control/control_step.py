@@ -36,7 +36,7 @@ class Measurement:
     pressure_time: float
 
 
-class Motion(NamedTuple):
+class MeasuredMotion(NamedTuple):
     """Measured motion of one joint.
 
     Attributes
@@ -53,16 +53,16 @@ class Motion(NamedTuple):
     velocity: float = 0.0
     time: float = math.nan
 
-    def measured(self, position: float, time: float, velocity_filter: float) -> Motion:
+    def measured(self, position: float, time: float, velocity_filter: float) -> MeasuredMotion:
         """The motion with a new position [rad]; the same if it is not newer."""
         if math.isnan(self.time):
-            return Motion(position, self.velocity, time)
+            return MeasuredMotion(position, self.velocity, time)
         step = time - self.time
         if step <= 0.0:
             return self
         weight = step / (velocity_filter + step)
         velocity = self.velocity + weight * ((position - self.position) / step - self.velocity)
-        return Motion(position, velocity, time)
+        return MeasuredMotion(position, velocity, time)
 
 
 class Moment(NamedTuple):
@@ -90,7 +90,7 @@ class PlanRequest:
         Commanded [N m/rad].
     torque : float or None
         Commanded [N m]; None if no torque is commanded.
-    motion : Motion
+    motion : MeasuredMotion
         Measured.
     fresh : float
         Time since the last new position [s]; 0 if it is not new.
@@ -119,7 +119,7 @@ class PlanRequest:
     integral: float
     stiffness: float
     torque: float | None
-    motion: Motion
+    motion: MeasuredMotion
     fresh: float
     pressures: Pair
     desired: Pair
@@ -219,7 +219,7 @@ class JointTelemetry(NamedTuple):
     ----------
     reference : JointReference
         Reference at the time of measurement.
-    motion : Motion
+    motion : MeasuredMotion
         Measured.
     error : float
         Reference minus measured position [rad].
@@ -234,7 +234,7 @@ class JointTelemetry(NamedTuple):
     """
 
     reference: JointReference = JointReference(math.nan)
-    motion: Motion = Motion()
+    motion: MeasuredMotion = MeasuredMotion()
     error: float = math.nan
     pressures: Pair = (math.nan, math.nan)
     clipped: tuple[str, ...] = ()

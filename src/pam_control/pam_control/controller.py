@@ -31,8 +31,8 @@ from pam_control.joint_setup import joint_setups
 from pam_control.laws.law import AnyLaw
 from pam_control.laws.position_stiffness import PositionStiffness
 from pam_control.loop_design import LoopDesign, Loops, PreparedSettings
-from pam_control.loop_guard import LoopGuard, Means, Verdict
-from pam_control.lowering import Lowering, LoweringPhase
+from pam_control.loop_guard import GuardAction, LoopGuard, Means
+from pam_control.lowering import LoweringPhase, ReferenceLowering
 from pam_control.reference_limits import ReferenceLimits
 from pam_control.references.reference_generator import ReferenceGenerator
 from pam_control.references.trajectory import CommandError
@@ -113,7 +113,7 @@ class Controller:
         self._time = math.nan
         self._told_horizon = 0.0
         self.guard = LoopGuard(self.robot.joints)
-        self.lowering = Lowering()
+        self.lowering = ReferenceLowering()
         self.use(self.prepared)
 
     # --- settings ---------------------------------------------------------------------------------
@@ -448,9 +448,9 @@ class Controller:
             if self.lowering.phase is LoweringPhase.SINKING:
                 return output
         match self.guard.judge(time, joints, self.settings.tracking_time, self._means):
-            case Verdict.LOWER | Verdict.SOFTEN:
+            case GuardAction.LOWER | GuardAction.SOFTEN:
                 self._apply(self._loops())
-            case Verdict.STOP:
+            case GuardAction.STOP:
                 return self._stopped()
         return output
 

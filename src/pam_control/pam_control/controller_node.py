@@ -32,9 +32,9 @@ from pam_control.actions.follow_trajectory import FollowTrajectory
 from pam_control.command_intake import CommandIntake
 from pam_control.control_step import JointTelemetry, Measurement
 from pam_control.controller_health import ControllerHealth
+from pam_control.controller_help import HELP
 from pam_control.controller_parameters import (
     COMMAND_DELAY,
-    HELP,
     create_controller,
     parameter_table,
 )
@@ -45,14 +45,15 @@ from pam_control.feedback.kept_designs import KeptDesigns, user_cache_folder
 from pam_control.feedback.separate_process import SeparateProcess
 from pam_control.operator_services import OperatorServices
 from pam_control.reference_topics import ReferenceTopics
-from pam_control.references.stiffness_test import StiffnessTest
-from pam_control.references.test_motion import test_motion
+from pam_control.references.sine_burst import sine_burst
+from pam_control.references.stiffness_excitation import StiffnessExcitation
 from pam_control.setting_changes import SettingChanges
 from pam_model.errors import PamError
 from pam_model.rig import described_key, rig_of_node
 from pam_ros import diagnostics as health
 from pam_ros.errors import ParameterError
-from pam_ros.parameters import NodeParameters, Value
+from pam_ros.parameter_row import Value
+from pam_ros.parameters import NodeParameters
 from pam_ros.periodic import MakeLoop, PeriodicLoop
 from pam_ros.phase_follower import PhaseFollower
 from pam_ros.slow_work import SlowWork
@@ -185,7 +186,7 @@ class ControllerNode(Node):  # type: ignore[misc]
             reason=lambda: self._driver.silence,
         )
         self.steady_timers.add(1.0, self._report)
-        self._stiffness_test = StiffnessTest(self._controller.references)
+        self._stiffness_excitation = StiffnessExcitation(self._controller.references)
         self.steady_timers.add(TEST_EVERY, self._test_stiffness)
         self._link = make_link(
             self,
@@ -352,19 +353,19 @@ class ControllerNode(Node):  # type: ignore[misc]
         values = self._changes.values
         amplitude = float(values["stiffness_test.amplitude"])
         if amplitude == 0.0:
-            self._stiffness_test.forget()
+            self._stiffness_excitation.forget()
             return
         with self._lock:
             named = self._controller.settings.learning_motion  # another motion is learnt
             if named or self._action.active or self._reason_against_references():
                 return
             stiffnesses = self._controller.stiffness_commands
-            due = self._stiffness_test.due(self._now(), stiffnesses, amplitude)
+            due = self._stiffness_excitation.due(self._now(), stiffnesses, amplitude)
         if due is not None:
             name, position = due
             frequency = float(values["stiffness_test.frequency"])
             with self.intake.rejecting("stiffness_test"):
-                points = test_motion(position, amplitude, frequency)
+                points = sine_burst(position, amplitude, frequency)
                 self.intake.follow([name], points, None)
 
     # --- health ---------------------------------------------------------------------------------

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from pam_control.compensation.dry_friction import DryFriction
+from pam_control.compensation.dry_friction import JointFriction
 from pam_control.joint_scale import JointScale
 from pam_control.limited import limited
 from pam_control.references.spline import JointReference
@@ -34,7 +34,7 @@ class JointModels:
         Torque and stiffness of its muscles, and their inverse.
     dynamics : InverseDynamics
         Its equation of motion, without dry friction.
-    dry_friction : DryFriction
+    dry_friction : JointFriction
         As it is compensated.
     muscles : tuple of RobotMuscle
         Agonist, antagonist.
@@ -48,7 +48,7 @@ class JointModels:
     joint: RobotJoint
     model: AntagonisticJoint
     dynamics: InverseDynamics
-    dry_friction: DryFriction
+    dry_friction: JointFriction
     muscles: tuple[RobotMuscle, ...]
     scale: JointScale
     pressure_lag: float
@@ -65,7 +65,7 @@ class JointModels:
             joint,
             model,
             InverseDynamics.from_joint(joint),
-            DryFriction.from_joint(joint),
+            JointFriction.from_joint(joint),
             muscles,
             JointScale.of(joint, model),
             max(muscle.pressure_lag for muscle in muscles),

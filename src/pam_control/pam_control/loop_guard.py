@@ -36,7 +36,7 @@ GROWN = 2.0  # of the first swings; smaller ones are less than what soft gains l
 SLOW = 0.8  # of the crossover frequency, below which a loop swings only with friction or a tube
 
 
-class Verdict(Enum):
+class GuardAction(Enum):
     """What the controller has to do."""
 
     NOTHING = "nothing"
@@ -148,7 +148,7 @@ class LoopGuard:
         joints: Sequence[JointTelemetry],
         tracking_time: float,
         means: Means,
-    ) -> Verdict:
+    ) -> GuardAction:
         """Judge the telemetry of a control cycle.
 
         Parameters
@@ -163,7 +163,7 @@ class LoopGuard:
             What can be done.
         """
         answer = self._answer_swings(time, joints, means)
-        if answer is not Verdict.NOTHING:
+        if answer is not GuardAction.NOTHING:
             return answer
         for index, (joint, oscillation, tracking) in enumerate(
             zip(joints, self._oscillation, self._tracking, strict=True)
@@ -173,7 +173,7 @@ class LoopGuard:
             lost = tracking.update(time, error, tracking_time)
             if lost:
                 self.stopped = f"{name}: {lost}"
-                return Verdict.STOP
+                return GuardAction.STOP
             if joint.law.driven:
                 wild = oscillation.too_fast(speed)
             else:
@@ -185,16 +185,16 @@ class LoopGuard:
             if self.softened or not means.can_soften:
                 even = ", even with soft gains" if means.can_soften else ""
                 self.stopped = f"{name}: {wild}{even}"
-                return Verdict.STOP
+                return GuardAction.STOP
             self.softened = f"{name}: {wild}"
             self._pause_until = time + PAUSE
             self.restart()
-            return Verdict.SOFTEN
-        return Verdict.NOTHING
+            return GuardAction.SOFTEN
+        return GuardAction.NOTHING
 
     def _answer_swings(
         self, time: float, joints: Sequence[JointTelemetry], means: Means
-    ) -> Verdict:
+    ) -> GuardAction:
         """Tell small swings, and what has to be done against them."""
         pairs = zip(self._reversals, joints, strict=True)
         changes = sum(
@@ -205,7 +205,7 @@ class LoopGuard:
             joint.reference.velocity == 0.0 and joint.reference.acceleration == 0.0
             for joint in joints
         )
-        verdict = Verdict.NOTHING
+        verdict = GuardAction.NOTHING
         for name, joint, watch, crossover in zip(
             self._names, joints, self._swinging, means.crossovers, strict=True
         ):
@@ -213,7 +213,7 @@ class LoopGuard:
                 continue
             seen = watch.update(time, joint.error, joint.motion.position, changes, rests)
             fades = time < max(self._pause_until, self._swings_fade_until)
-            if seen is not None and not fades and verdict is Verdict.NOTHING:
+            if seen is not None and not fades and verdict is GuardAction.NOTHING:
                 slow = 2.0 * math.pi * seen.frequency < SLOW * crossover
                 outside = slow and not seen.sticks and not joint.behind_tube
                 told = f"{name}: {_told(seen, joint.behind_tube, outside)}"
@@ -221,31 +221,31 @@ class LoopGuard:
                     self.swings = self.swings or told
                 else:
                     verdict = self._answer(told, seen, means)
-        if verdict is Verdict.LOWER:  # the other watches go on
+        if verdict is GuardAction.LOWER:  # the other watches go on
             self._swings_fade_until = time + PAUSE
             for watch in self._swinging:
                 watch.reset()
-        elif verdict is Verdict.SOFTEN:
+        elif verdict is GuardAction.SOFTEN:
             self._pause_until = time + PAUSE
             self.restart()
         return verdict
 
-    def _answer(self, told: str, seen: Swings, means: Means) -> Verdict:
+    def _answer(self, told: str, seen: Swings, means: Means) -> GuardAction:
         self.swings = self.swings or told
         if self._first_size == math.inf:
             self._first_size = seen.size
         if self.softened:
             if seen.size < self._first_size:
-                return Verdict.NOTHING
+                return GuardAction.NOTHING
             self.stopped = f"{told}; with soft gains it swings as widely"
-            return Verdict.STOP
+            return GuardAction.STOP
         if self.lowered < means.steps:
             self.lowered += 1
-            return Verdict.LOWER
+            return GuardAction.LOWER
         if not means.can_soften or seen.size < GROWN * self._first_size:
-            return Verdict.NOTHING
+            return GuardAction.NOTHING
         self.softened = told
-        return Verdict.SOFTEN
+        return GuardAction.SOFTEN
 
 
 def _told(seen: Swings, behind_tube: int, outside: bool) -> str:

@@ -28,7 +28,7 @@ class LoweringPhase(Enum):
     DONE = "done"
 
 
-class Lowering:
+class ReferenceLowering:
     """The lowering of all joints.
 
     Attributes

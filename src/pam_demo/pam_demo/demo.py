@@ -22,14 +22,14 @@ from pam_demo.chain import BusChoice, Chain, best_bus, private_domain
 from pam_demo.figures import TIMING, evaluate, show, target_text
 from pam_demo.loop_rate import (
     RATES,
-    NotHeld,
+    RateNotHeld,
     TooSlowError,
     judge,
     node_settings,
     rate_sentence,
     trial,
 )
-from pam_demo.motions import APPROACH, Motion, all_motions
+from pam_demo.motions import APPROACH, DemoMotion, all_motions
 from pam_demo.page import write_page, write_picture
 from pam_demo.player import TAIL, NotPlayedError, OpenPlayer, Player
 from pam_demo.processes import NodeProcess, Setting
@@ -61,7 +61,7 @@ REALTIME: dict[str, dict[str, Setting]] = {
 COMPARED = ("arm", "chirp")  # motions that the simpler laws play as well
 
 
-def programme(motions: list[Motion], with_baselines: bool) -> list[tuple[str, Motion]]:
+def programme(motions: list[DemoMotion], with_baselines: bool) -> list[tuple[str, DemoMotion]]:
     """Pairs of control law and motion, in the order in which they are played."""
     laws = list(LAWS) if with_baselines else ["full"]
     return [
@@ -77,7 +77,7 @@ def _advance(bar: Progress, before: float, gone: float) -> None:
 
 
 def _play(
-    player: Player, motion: Motion, chain: Chain, advance: Callable[[float], None]
+    player: Player, motion: DemoMotion, chain: Chain, advance: Callable[[float], None]
 ) -> tuple[float, list[str]]:
     """Play a motion, again if it is interrupted or refused; return its start and the reasons.
 
@@ -103,7 +103,7 @@ def perform(
     chain: Chain,
     player: Player,
     bag: Path,
-    plays: list[tuple[str, Motion]],
+    plays: list[tuple[str, DemoMotion]],
     plant: dict[str, Setting],
     rate: float = RATES[0],
     *,
@@ -205,11 +205,11 @@ def perform_at_a_rate_that_is_held(
     chain: Chain,
     player: Player,
     bag: Path,
-    plays: list[tuple[str, Motion]],
+    plays: list[tuple[str, DemoMotion]],
     plant: dict[str, Setting],
     *,
     separate: bool = False,
-) -> tuple[list[dict[str, Any]], list[NotHeld]]:
+) -> tuple[list[dict[str, Any]], list[RateNotHeld]]:
     """Run and record the programme at the first of the `RATES` that this computer holds.
 
     The last one is taken as it is. Returns what `perform` does, and the rates that were not held.
@@ -219,14 +219,14 @@ def perform_at_a_rate_that_is_held(
     PamError
         As `perform`, at the last rate.
     """
-    not_held: list[NotHeld] = []
+    not_held: list[RateNotHeld] = []
     for rate in RATES[:-1]:
         try:
             runs = perform(chain, player, bag, plays, plant, rate, tries=True, separate=separate)
             return runs, not_held
         except TooSlowError as error:
             print(f"{rate:g} Hz is too fast for this computer: {error}", flush=True)
-            not_held.append(NotHeld(rate, str(error)))
+            not_held.append(RateNotHeld(rate, str(error)))
             chain.stop_all()
             shutil.rmtree(bag, ignore_errors=True)
     return perform(chain, player, bag, plays, plant, RATES[-1], separate=separate), not_held
@@ -289,7 +289,7 @@ def run(given: Arguments, open_player: OpenPlayer) -> Outcome:
     # a domain that the user has set is kept, so that the user can watch the topics in it
     environment["ROS_DOMAIN_ID"] = os.environ.get("ROS_DOMAIN_ID", environment["ROS_DOMAIN_ID"])
     chain = Chain([rig_path], bus, environment)
-    not_held: list[NotHeld] = []
+    not_held: list[RateNotHeld] = []
     try:
         with chain, open_player(_first(joint, rig), environment) as player:
             plays = programme(motions, not (given.no_baselines or given.short))

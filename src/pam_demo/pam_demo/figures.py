@@ -15,8 +15,8 @@ from scipy.interpolate import BPoly
 from pam_control.joint_scale import JointScale
 from pam_control.settings import ControlSettings
 from pam_demo.loop_rate import RATES
-from pam_demo.motions import Motion, Window
-from pam_demo.recording import Array, Series, read_loop_counts, read_recording
+from pam_demo.motions import DemoMotion, Window
+from pam_demo.recording import Array, TopicSeries, read_loop_counts, read_recording
 from pam_gap.answer.user_units import told
 from pam_model.errors import PamError
 from pam_model.joints.antagonistic_joint import AntagonisticJoint
@@ -80,22 +80,22 @@ class Play:
     ----------
     law : str
         A key of NAMES.
-    motion : Motion
+    motion : DemoMotion
         The commanded motion.
     times, asked, measured : array, shape (n,)
         Time [s], reference and measured position [rad].
-    pressures, valves, stiffness : Series
+    pressures, valves, stiffness : TopicSeries
         Pressures [Pa], valve commands, stiffness [N m/rad].
     """
 
     law: str
-    motion: Motion
+    motion: DemoMotion
     times: Array
     asked: Array
     measured: Array
-    pressures: Series
-    valves: Series
-    stiffness: Series
+    pressures: TopicSeries
+    valves: TopicSeries
+    stiffness: TopicSeries
 
     @property
     def error(self) -> Array:
@@ -143,7 +143,7 @@ class Results:
         }
 
 
-def asked_position(motion: Motion, times: Array) -> Array:
+def asked_position(motion: DemoMotion, times: Array) -> Array:
     """Reference position [rad] of a motion at `times` [s from its first waypoint]."""
     if motion.streamed:
         index = np.searchsorted(motion.times, times, side="right") - 1
@@ -154,19 +154,19 @@ def asked_position(motion: Motion, times: Array) -> Array:
     return np.asarray(spline(np.clip(times, motion.times[0], motion.times[-1])))
 
 
-def asked_stiffness(motion: Motion, times: Array) -> Array:
+def asked_stiffness(motion: DemoMotion, times: Array) -> Array:
     """Reference stiffness [N m/rad] of a motion at `times` [s]."""
     starts = [entry[0] for entry in motion.stiffness]
     index = np.clip(np.searchsorted(starts, times, side="right") - 1, 0, len(starts) - 1)
     return np.asarray([entry[1] for entry in motion.stiffness])[index]
 
 
-def _play(law: str, motion: Motion, start: float, data: Mapping[str, Series]) -> Play:
-    def part(topic: str) -> Series:
+def _play(law: str, motion: DemoMotion, start: float, data: Mapping[str, TopicSeries]) -> Play:
+    def part(topic: str) -> TopicSeries:
         series = data[topic].between(start, start + motion.duration)
         if not len(series.times):
             raise PamError(f"{topic}: nothing was recorded during {motion.title!r} ({law})")
-        return Series(series.times - start, series.values)
+        return TopicSeries(series.times - start, series.values)
 
     joint = part("/joint_states")
     return Play(
@@ -181,7 +181,7 @@ def _play(law: str, motion: Motion, start: float, data: Mapping[str, Series]) ->
     )
 
 
-def _means(series: Series) -> Array:
+def _means(series: TopicSeries) -> Array:
     """Moving mean of the first element over AVERAGED seconds."""
     count = max(round(AVERAGED / float(np.median(np.diff(series.times)))), 1)
     return np.convolve(series.values[:, 0], np.full(count, 1.0 / count), "valid")
@@ -235,7 +235,7 @@ def _step_figures(play: Play) -> list[Figure]:
     ]
 
 
-def _periods(plays: list[tuple[float, Motion]], series: Series) -> Array:
+def _periods(plays: list[tuple[float, DemoMotion]], series: TopicSeries) -> Array:
     parts = [
         np.diff(series.between(start, start + motion.duration).times) for start, motion in plays
     ]
@@ -243,7 +243,7 @@ def _periods(plays: list[tuple[float, Motion]], series: Series) -> Array:
 
 
 def _truth_figures(
-    runs: list[dict[str, Any]], motions: Mapping[str, Motion], data: Mapping[str, Series]
+    runs: list[dict[str, Any]], motions: Mapping[str, DemoMotion], data: Mapping[str, TopicSeries]
 ) -> list[Figure]:
     """Error of the arm's motion by the plant's true angle, which has no sensor errors."""
     truth = data.get("/ground_truth/joint_states")
@@ -262,7 +262,7 @@ def _truth_figures(
 
 
 def _loop_figures(
-    periods: Array, counts: Series, full: list[tuple[float, Motion]], rate: float
+    periods: Array, counts: TopicSeries, full: list[tuple[float, DemoMotion]], rate: float
 ) -> list[Figure]:
     """Timing of the controller and driver loops during the runs with the full controller."""
     late = 100.0 * float(np.mean(periods > (1.0 + LATE) / rate))
@@ -324,7 +324,7 @@ def explained(figures: list[Figure], rate: float) -> list[Figure]:
 
 
 def evaluate(
-    bag: Path, runs: list[dict[str, Any]], motions: Mapping[str, Motion], rig: Rig, joint: str
+    bag: Path, runs: list[dict[str, Any]], motions: Mapping[str, DemoMotion], rig: Rig, joint: str
 ) -> Results:
     """Read the recording and compute everything.
 
@@ -334,7 +334,7 @@ def evaluate(
         The recording.
     runs : list of dict
         The runs: "law", "motion", "start" [s since the epoch], "rate" [Hz].
-    motions : mapping of str to Motion
+    motions : mapping of str to DemoMotion
         The motions by name.
     rig : Rig
         The controlled rig.

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
-from pam_demo.motions import Motion, chirp
+from pam_demo.motions import DemoMotion, chirp
 from pam_demo.processes import Setting
 from pam_model.errors import PamError
 
@@ -26,7 +26,7 @@ class TooSlowError(PamError):
 
 
 @dataclass(frozen=True, slots=True)
-class NotHeld:
+class RateNotHeld:
     """A rate that was tried [Hz], and what showed that this computer does not hold it."""
 
     rate: float
@@ -42,7 +42,7 @@ def node_settings(rate: float) -> dict[str, dict[str, Setting]]:
     }
 
 
-def trial() -> Motion:
+def trial() -> DemoMotion:
     """The motion that is played to see whether a rate is held; it takes no part in the figures."""
     return replace(
         chirp(amplitude=0.1, low=0.2, high=1.0, duration=4.0),
@@ -69,7 +69,7 @@ def judge(late: float) -> None:
 
 
 def rate_sentence(
-    rate: float, not_held: Sequence[NotHeld], *, chosen: bool = False, late: bool = False
+    rate: float, not_held: Sequence[RateNotHeld], *, chosen: bool = False, late: bool = False
 ) -> str:
     """What page and terminal say of the rate.
 
@@ -77,7 +77,7 @@ def rate_sentence(
     ----------
     rate : float
         At which the loops ran [Hz].
-    not_held : sequence of NotHeld
+    not_held : sequence of RateNotHeld
         The rates that were tried before.
     chosen : bool
         The user named the rate, and nothing was tried.

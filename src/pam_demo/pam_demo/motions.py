@@ -33,7 +33,7 @@ class Window:
 
 
 @dataclass(frozen=True, slots=True)
-class Motion:
+class DemoMotion:
     """One motion of one joint.
 
     Attributes
@@ -70,7 +70,7 @@ def _of_spline(spline: Callable[..., Array], times: Array) -> tuple[Array, Array
     return spline(times), spline(times, 1), spline(times, 2)
 
 
-def arm_motion(folder: Path | None = None) -> Motion:
+def arm_motion(folder: Path | None = None) -> DemoMotion:
     """The measured motion of a real muscle-driven arm, see data/ORIGIN.md.
 
     A cubic spline through every sample, so that velocity and acceleration exist; nothing is
@@ -96,12 +96,12 @@ def arm_motion(folder: Path | None = None) -> Motion:
         np.concatenate(each) for each in zip(_of_spline(spline, recorded), braking, strict=True)
     )
     window = Window("recorded", 0.0, end)
-    return Motion("arm", "A real arm's motion", times, q, qd, qdd, (window,))
+    return DemoMotion("arm", "A real arm's motion", times, q, qd, qdd, (window,))
 
 
 def chirp(
     amplitude: float = 0.25, low: float = 0.1, high: float = 2.0, duration: float = 10.0
-) -> Motion:
+) -> DemoMotion:
     """A sine sweep, faded in and out over half a second.
 
     Parameters
@@ -122,18 +122,18 @@ def chirp(
     q, qd, qdd = _of_spline(spline, times)
     at_1_hz = math.log(1.0 / low) / growth
     windows = (Window("to 1 Hz", 0.0, at_1_hz), Window("to 2 Hz", 0.0, duration))
-    return Motion("chirp", f"Chirp {low:g} to {high:g} Hz", times, q, qd, qdd, windows)
+    return DemoMotion("chirp", f"Chirp {low:g} to {high:g} Hz", times, q, qd, qdd, windows)
 
 
 def staircase(
     levels: Sequence[float] = (8.0, 11.0, 14.0, 17.0, 20.0, 10.0),
     position: float = 0.3,
     dwell: float = 1.2,
-) -> Motion:
+) -> DemoMotion:
     """Stiffness levels [N m/rad], `dwell` seconds each, while a position [rad] is held."""
     times = np.array([0.0, dwell * len(levels)])
     still = np.zeros(2)
-    return Motion(
+    return DemoMotion(
         "staircase",
         "Stiffness staircase while holding",
         times,
@@ -145,12 +145,12 @@ def staircase(
     )
 
 
-def steps(levels: Sequence[float] = (0.0, 0.4, -0.2, 0.2, 0.0), dwell: float = 1.2) -> Motion:
+def steps(levels: Sequence[float] = (0.0, 0.4, -0.2, 0.2, 0.0), dwell: float = 1.2) -> DemoMotion:
     """Sudden changes of position [rad], streamed."""
     times = np.arange(0.0, dwell * len(levels), 1.0 / WAYPOINT_RATE)
     which = np.minimum((times / dwell).astype(int), len(levels) - 1)
     still = np.zeros_like(times)
-    return Motion(
+    return DemoMotion(
         "steps",
         "Steps",
         times,
@@ -162,6 +162,6 @@ def steps(levels: Sequence[float] = (0.0, 0.4, -0.2, 0.2, 0.0), dwell: float = 1
     )
 
 
-def all_motions() -> list[Motion]:
+def all_motions() -> list[DemoMotion]:
     """The demo's programme, in order."""
     return [arm_motion(), chirp(), staircase(), steps()]

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from typing import Final, Protocol
 
-from pam_demo.motions import Motion
+from pam_demo.motions import DemoMotion
 from pam_model.errors import PamError
 
 TAIL: Final = 0.3  # s, recorded after a motion's end
@@ -52,7 +52,7 @@ class Player(Protocol):
         ...
 
     def play(
-        self, motion: Motion, check: Callable[[], None], progress: Callable[[float], None]
+        self, motion: DemoMotion, check: Callable[[], None], progress: Callable[[float], None]
     ) -> float:
         """Play a motion to its end; return the time of its first waypoint [s since the epoch]."""
         ...

@@ -21,7 +21,7 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from pam_demo.chain import set_environment
-from pam_demo.motions import APPROACH, WAYPOINT_RATE, Motion
+from pam_demo.motions import APPROACH, WAYPOINT_RATE, DemoMotion
 from pam_demo.player import TAIL, NotPlayedError, VentedError
 from pam_demo.recording import LOOP_COUNTS
 from pam_model.errors import PamError
@@ -214,12 +214,12 @@ class PlayerNode(Node):  # type: ignore[misc]
             raise PamError(f"{name}: no answer within {timeout:g} s")
         return future.result()
 
-    def play(self, motion: Motion, check: Callable[[], None], progress: Progress) -> float:
+    def play(self, motion: DemoMotion, check: Callable[[], None], progress: Progress) -> float:
         """Play a motion to its end.
 
         Parameters
         ----------
-        motion : Motion
+        motion : DemoMotion
             Motion of the first joint.
         check : callable
             Called often; raises an error to stop.
@@ -266,7 +266,7 @@ class PlayerNode(Node):  # type: ignore[misc]
         self._check_driver(check)
         return start
 
-    def _send_trajectory(self, motion: Motion, begin: float) -> None:
+    def _send_trajectory(self, motion: DemoMotion, begin: float) -> None:
         message = JointTrajectory(joint_names=list(self._joints[:1]))
         seconds, fraction = divmod(begin, 1.0)
         message.header.stamp.sec = int(seconds)
@@ -294,7 +294,7 @@ class PlayerNode(Node):  # type: ignore[misc]
         message.layout.dim = [MultiArrayDimension(label="joint", size=size, stride=size)]
         self._stiffness.publish(message)
 
-    def _send_position(self, motion: Motion, at: float) -> None:
+    def _send_position(self, motion: DemoMotion, at: float) -> None:
         index = min(int(at * WAYPOINT_RATE), len(motion.positions) - 1)
         message = JointState(name=list(self._joints[:1]), position=[float(motion.positions[index])])
         message.header.stamp = self.get_clock().now().to_msg()

@@ -20,7 +20,7 @@ Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Series:
+class TopicSeries:
     """One field of one topic.
 
     Attributes
@@ -37,16 +37,16 @@ class Series:
     values: Array
     names: tuple[str, ...] = ()
 
-    def between(self, start: float, end: float) -> Series:
+    def between(self, start: float, end: float) -> TopicSeries:
         """The samples from `start` to `end` [s]."""
         first, last = np.searchsorted(self.times, (start, end))
-        return Series(self.times[first:last], self.values[first:last], self.names)
+        return TopicSeries(self.times[first:last], self.values[first:last], self.names)
 
-    def only(self, names: Sequence[str]) -> Series:
+    def only(self, names: Sequence[str]) -> TopicSeries:
         """The elements that have one of these names."""
         columns = [self.names.index(name) for name in names if name in self.names]
         kept = tuple(self.names[column] for column in columns)
-        return Series(self.times, self.values[:, columns], kept)
+        return TopicSeries(self.times, self.values[:, columns], kept)
 
     def at(self, times: Array, element: int = 0) -> Array:
         """One element, linearly interpolated."""
@@ -76,14 +76,14 @@ def _values(message: Any, field: str) -> dict[str, float]:
     return dict(zip(names or map(str, range(len(values))), values, strict=False))
 
 
-def _series(times: Sequence[float], rows: Sequence[dict[str, float]]) -> Series:
+def _series(times: Sequence[float], rows: Sequence[dict[str, float]]) -> TopicSeries:
     """One column for each name; `joint_states` leaves a joint out that is not measured."""
     names = tuple(dict.fromkeys(name for row in rows for name in row))
     values = np.array([[row.get(name, math.nan) for name in names] for row in rows])
-    return Series(np.asarray(times), values, names)
+    return TopicSeries(np.asarray(times), values, names)
 
 
-def read_recording(bag: Path, fields: dict[str, str] | None = None) -> dict[str, Series]:
+def read_recording(bag: Path, fields: dict[str, str] | None = None) -> dict[str, TopicSeries]:
     """Read one field of each topic.
 
     Parameters
@@ -95,7 +95,7 @@ def read_recording(bag: Path, fields: dict[str, str] | None = None) -> dict[str,
 
     Returns
     -------
-    dict of str to Series
+    dict of str to TopicSeries
         By topic; topics that were not recorded are missing.
 
     Raises
@@ -126,7 +126,7 @@ def read_recording(bag: Path, fields: dict[str, str] | None = None) -> dict[str,
     return {topic: _series(stamps[topic], rows[topic]) for topic in fields if rows[topic]}
 
 
-def read_loop_counts(bag: Path, node: str) -> Series:
+def read_loop_counts(bag: Path, node: str) -> TopicSeries:
     """Read the timing counts of a node's loop from its diagnostics.
 
     Parameters
@@ -138,7 +138,7 @@ def read_loop_counts(bag: Path, node: str) -> Series:
 
     Returns
     -------
-    Series
+    TopicSeries
         LOOP_COUNTS since the loop's start, once a second; empty if the node published none.
     """
     times: list[float] = []
@@ -151,4 +151,6 @@ def read_loop_counts(bag: Path, node: str) -> Series:
                 if status.name.startswith(node) and all(key in values for key in LOOP_COUNTS):
                     times.append(received * 1e-9)
                     rows.append([float(values[key]) for key in LOOP_COUNTS])
-    return Series(np.asarray(times), np.asarray(rows, dtype=float).reshape(-1, len(LOOP_COUNTS)))
+    return TopicSeries(
+        np.asarray(times), np.asarray(rows, dtype=float).reshape(-1, len(LOOP_COUNTS))
+    )

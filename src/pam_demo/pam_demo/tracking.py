@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pam_demo.figures import asked_position
-from pam_demo.motions import Motion, all_motions
+from pam_demo.motions import DemoMotion, all_motions
 from pam_demo.recording import read_recording
 from pam_model.errors import PamError
 
@@ -80,7 +80,7 @@ def tracked_motions(folder: Path) -> list[TrackedMotion]:
         When its recording lacks a topic or cannot be read.
     """
     runs: list[dict[str, Any]] = json.loads((folder / "runs.json").read_text())
-    motions: Mapping[str, Motion] = {motion.name: motion for motion in all_motions()}
+    motions: Mapping[str, DemoMotion] = {motion.name: motion for motion in all_motions()}
     data = read_recording(folder / "bag")
     for topic in (MEASURED, TRUE):
         if topic not in data:

@@ -11,6 +11,7 @@ if __name__ == "__main__":  # before the imports below, which take time
 
 import sys
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from pam_driver.board_rules.command import CHECK_BOARD
 from pam_model.argument_types import count, input_file, number
@@ -23,6 +24,9 @@ from pam_model.command_line import (
     Tool,
     start_node,
 )
+
+if TYPE_CHECKING:
+    from pam_ros.node_help import NodeHelp
 
 
 def _check_rig(given: Arguments) -> Outcome:
@@ -146,8 +150,17 @@ def _node(arguments: Sequence[str] | None) -> int:
     return run(arguments)
 
 
+def _usage() -> NodeHelp:
+    from pam_driver.driver_parameters import HELP  # noqa: PLC0415
+
+    return HELP
+
+
+NODE = NodeCommand("node", "drive the valve boards of a robot (a ROS node)", _node, _usage)
+
+
 COMMANDS = (
-    NodeCommand("node", "drive the valve boards of a robot (a ROS node)", _node),
+    NODE,
     Command(
         "check-rig",
         "check rig file, DBC files, identifiers and bus load without a bus, and show the wiring",
@@ -197,7 +210,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def driver_node() -> int:
     """Entry point of `ros2 run pam_driver pam_driver_node`."""
-    return start_node(_node)
+    return start_node(NODE)
 
 
 if __name__ == "__main__":

@@ -22,7 +22,7 @@ from pam_driver.joint_velocity import JointVelocity
 from pam_driver.safety.command_intake import NamedCommand, ValveCommandIntake
 from pam_driver.safety.exhaust_watch import ExhaustWatch, exhaust_timeout
 from pam_driver.safety.loop_watch import LoopWatch
-from pam_driver.safety.lowering import Lowering
+from pam_driver.safety.lowering import LoweringSetpoints
 from pam_driver.safety.people_inputs import PeopleInputs
 from pam_driver.safety.refusals import COMMANDABLE, against_activation, against_command
 from pam_driver.safety.start_up_check import StartUpCheck
@@ -112,7 +112,7 @@ class Driver:
             settings.vented_pressure,
             settings.exhaust_timeout or exhaust_timeout(robot, settings.vented_pressure),
         )
-        self._lowering = Lowering(robot, settings.lowering_speed)
+        self._lowering = LoweringSetpoints(robot, settings.lowering_speed)
         self._check = StartUpCheck(robot, self._vents) if settings.start_up_check else None
         self._lock = threading.Lock()
         self._fractions: tuple[float, ...] | None = None

@@ -1,17 +1,20 @@
-"""The driver node's parameters: name, default, unit, range and description."""
+"""The driver node's parameters and topics, without ROS: what its `--help` prints."""
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from pam_driver.boards.protocol import EMERGENCY_STOP, ENABLING_SWITCH
-from pam_driver.can_bus.bus_opening import DEFAULT_BITRATE
+from pam_driver.can_bus.bitrate import DEFAULT_BITRATE
 from pam_driver.driver_settings import DriverSettings
 from pam_driver.safety.people_inputs import FULL_SPEED
 from pam_model.errors import PamError
 from pam_ros.node_help import Endpoint, NodeHelp
-from pam_ros.parameters import NodeParameters, Parameter
+from pam_ros.parameter_row import Parameter
 from pam_ros.program_name import PROGRAM
+
+if TYPE_CHECKING:
+    from pam_ros.parameters import NodeParameters
 
 _D = DriverSettings()
 

@@ -12,6 +12,7 @@ if __name__ == "__main__":  # before the imports below, which take time
 import os
 import sys
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from pam_model.argument_types import (
     count,
@@ -34,6 +35,9 @@ from pam_model.command_line import (
     start_node,
 )
 from pam_ros.program_name import PROGRAM
+
+if TYPE_CHECKING:
+    from pam_ros.node_help import NodeHelp
 
 MOVED = {
     "blind": f"{PROGRAM} check blind",
@@ -316,10 +320,30 @@ def _monitor(arguments: Sequence[str] | None) -> int:
     return run(arguments)
 
 
+def _monitor_usage() -> NodeHelp:
+    from pam_gap.live.monitor_help import HELP  # noqa: PLC0415
+
+    return HELP
+
+
+MONITOR = NodeCommand(
+    "monitor", "watch the gap on live topics (a ROS node)", _monitor, _monitor_usage
+)
+
+
 def _play(arguments: Sequence[str] | None) -> int:
     from pam_gap.experiments.play_node import main as run  # noqa: PLC0415  (rclpy)
 
     return run(arguments)
+
+
+def _play_usage() -> NodeHelp:
+    from pam_gap.experiments.play_help import HELP  # noqa: PLC0415
+
+    return HELP
+
+
+PLAY = NodeCommand("play", "play a proposed experiment on the rig (a ROS node)", _play, _play_usage)
 
 
 DIAGNOSE = Command(
@@ -386,8 +410,8 @@ COMMANDS = (
         bad_news="if the recording misses something",
         examples=("pam gap record --rig RIG.yaml --out recording",),
     ),
-    NodeCommand("monitor", "watch the gap on live topics (a ROS node)", _monitor),
-    NodeCommand("play", "play a proposed experiment on the rig (a ROS node)", _play),
+    MONITOR,
+    PLAY,
 )
 
 
@@ -411,12 +435,12 @@ def diagnose(arguments: Sequence[str] | None = None) -> int:
 
 def monitor() -> int:
     """Entry point of `ros2 run pam_gap pam_monitor`."""
-    return start_node(_monitor)
+    return start_node(MONITOR)
 
 
 def play() -> int:
     """Entry point of `ros2 run pam_gap pam_play`."""
-    return start_node(_play)
+    return start_node(PLAY)
 
 
 if __name__ == "__main__":

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from pam_gap.answer.diagnosis import Diagnosis
@@ -15,13 +15,32 @@ from pam_gap.inference.loose_lengths import (
     shared_probabilities,
 )
 from pam_gap.inference.search import Progress, silent
-from pam_gap.recordings.belongs_to_rig import joints_recorded, refuse_other_rig
+from pam_gap.prediction.bench_joint import (
+    bench_channels,
+    bench_muscles,
+    bench_muscles_recorded,
+    off_the_joint,
+    on_an_invented_joint,
+    refuse_other_lengths,
+)
+from pam_gap.recordings.belongs_to_rig import (
+    joints_recorded,
+    refuse_no_bench,
+    refuse_other_rig,
+)
 from pam_gap.recordings.computed_channels import without_computed
 from pam_gap.recordings.frozen import without_frozen
 from pam_gap.recordings.noise_floor import noise_floor
 from pam_gap.recordings.parts import parts
-from pam_gap.recordings.plausible_units import refuse_other_units
-from pam_gap.recordings.recording import COMMANDS, JOINTS, SHUT, Recording, RecordingError
+from pam_gap.recordings.plausible_units import refuse_other_units, refuse_other_units_on_bench
+from pam_gap.recordings.recording import (
+    COMMANDS,
+    JOINTS,
+    PRESSURES,
+    SHUT,
+    Recording,
+    RecordingError,
+)
 from pam_gap.recordings.saturation import without_saturated
 from pam_gap.recordings.still_channels import without_still
 from pam_gap.rules import DEFAULT, Rules
@@ -47,7 +66,8 @@ def diagnose(
     rig : Rig
         The rig as its file describes it, from `load_rig`.
     joint : str, optional
-        Name of the only joint to diagnose; default is every joint in the recordings.
+        Name of the only joint, or of the only muscle on a bench, to diagnose; default is each of
+        them in the recordings.
     threads : int
         Number of simulations that run in parallel; 0 for one per processor, at most 4.
     progress : callable
@@ -71,9 +91,46 @@ def diagnose(
     given = [recordings] if isinstance(recordings, Recording) else list(recordings)
     read = [without_computed(recording, rig, rules.recording) for recording in given]
     return [
-        diagnose_joint(rig, number, read, threads=threads, progress=progress, rules=rules)[1]
-        for number in joints_to_diagnose(rig, read, joint)
+        diagnose_subject(rig, name, read, threads=threads, progress=progress, rules=rules)[1]
+        for name in subjects_to_diagnose(rig, read, joint)
     ]
+
+
+def subjects_to_diagnose(
+    rig: Rig, recordings: Sequence[Recording], name: str | None = None
+) -> list[str]:
+    """Names of the joints, and of the muscles on a bench, in the recordings; or the given one.
+
+    Raises
+    ------
+    RecordingError
+        When there is no recording, or the recordings are of another rig or in other units.
+    UnknownNameError
+        For a name that is neither a joint nor a muscle on a bench.
+    """
+    if not recordings:
+        raise RecordingError("no recording given; expected at least one")
+    on_bench = bench_muscles(rig)
+    if name is not None and name not in on_bench:
+        return [rig.joint_names[k] for k in joints_to_diagnose(rig, recordings, name)]
+    found = bench_muscles_recorded(rig, recordings)
+    if name is not None:
+        found = [one for one in found if one == name]
+        if not found:
+            refuse_no_bench(rig, bench_channels(name), recordings)
+    for muscle in found:
+        refuse_other_units_on_bench(rig, muscle, recordings)
+        for recording in recordings:
+            refuse_other_lengths(rig, muscle, recording)
+    if name is not None or (found and not rig.joints):
+        return found
+    if not rig.joints:
+        refuse_no_bench(rig, bench_channels(on_bench[0]) if on_bench else (), recordings)
+    if found and not any(
+        recordings[0].has(f"{PRESSURES}{m}") for j in rig.joints for m in j.muscles
+    ):
+        return found
+    return [rig.joint_names[k] for k in joints_to_diagnose(rig, recordings)] + found
 
 
 def joints_to_diagnose(
@@ -110,6 +167,7 @@ def usable_parts(
     number: int,
     recordings: Sequence[Recording],
     rules: RecordingRules = DEFAULT.recording,
+    muscles: tuple[str, ...] | None = None,
 ) -> list[Recording]:
     """Recordings as a diagnosis uses them: still, clipped and frozen samples marked, cut at gaps.
 
@@ -123,8 +181,10 @@ def usable_parts(
         Recordings without computed channels.
     rules : RecordingRules
         Constants of the judgement.
+    muscles : tuple of str, optional
+        Muscles that exist, by default both of the joint.
     """
-    muscles = rig.joints[number].muscles
+    muscles = rig.joints[number].muscles if muscles is None else muscles
     return [
         part
         for recording in recordings
@@ -153,9 +213,99 @@ def prepared(
     """Prepare the diagnosis of the joint with this number; the arguments are `diagnose_joint`'s."""
     return JointDiagnosis(
         rig, number, usable_parts(rig, number, recordings, rules.recording), rules=rules,
-        threads=threads if threads > 0 else min(os.cpu_count() or 1, 4), progress=progress,
-        with_experiment=with_experiment,
+        threads=_at_once(threads), progress=progress, with_experiment=with_experiment,
     )  # fmt: skip
+
+
+def _at_once(threads: int) -> int:
+    """Number of simulations that run in parallel; 0 stands for one per processor, at most 4."""
+    return threads if threads > 0 else min(os.cpu_count() or 1, 4)
+
+
+def prepared_subject(
+    rig: Rig,
+    name: str,
+    recordings: Sequence[Recording],
+    *,
+    threads: int = 0,
+    progress: Progress = silent,
+    rules: Rules = DEFAULT,
+) -> JointDiagnosis:
+    """Prepare the diagnosis of a joint or a muscle on a bench, by its name, without experiment."""
+    if name in rig.joint_names:
+        return prepared(
+            rig, rig.joint_number(name), recordings, threads=threads, progress=progress,
+            rules=rules,
+        )  # fmt: skip
+    return _prepared_bench(
+        on_an_invented_joint(rig, name), recordings, threads=threads, progress=progress, rules=rules
+    )
+
+
+def _prepared_bench(
+    invented: Rig,
+    recordings: Sequence[Recording],
+    *,
+    threads: int,
+    progress: Progress,
+    rules: Rules,
+) -> JointDiagnosis:
+    """Prepare the diagnosis of a muscle that `on_an_invented_joint` has put on a joint."""
+    muscles = invented.joints[0].muscles[:1]
+    return JointDiagnosis(
+        invented, 0, usable_parts(invented, 0, recordings, rules.recording, muscles), rules=rules,
+        threads=_at_once(threads), progress=progress, is_bench=True,
+    )  # fmt: skip
+
+
+def diagnose_subject(
+    rig: Rig,
+    name: str,
+    recordings: Sequence[Recording],
+    *,
+    threads: int = 0,
+    progress: Progress = silent,
+    rules: Rules = DEFAULT,
+    with_experiment: bool = True,
+) -> tuple[JointDiagnosis, Diagnosis]:
+    """Diagnose a joint, or a muscle on a bench, by its name from `subjects_to_diagnose`.
+
+    Parameters
+    ----------
+    rig : Rig
+        The rig as its file describes it.
+    name : str
+        Name of the joint or of the muscle.
+    recordings : sequence of Recording
+        Recordings without computed channels.
+    threads, progress, rules, with_experiment
+        As in `diagnose_joint`. No experiment is sought for a muscle on a bench.
+    """
+    if name in rig.joint_names:
+        return diagnose_joint(
+            rig, rig.joint_number(name), recordings, threads=threads, progress=progress,
+            rules=rules, with_experiment=with_experiment,
+        )  # fmt: skip
+
+    def engine_for(given: Rig) -> JointDiagnosis:
+        return _prepared_bench(given, recordings, threads=threads, progress=progress, rules=rules)
+
+    def on_the_bench(found: Rig | None) -> Rig | None:
+        return None if found is None else off_the_joint(rig, name, found)
+
+    engine, diagnosis = _answered(engine_for, on_an_invented_joint(rig, name), rules)
+    used = [data.recording for data in engine.problem.data]
+    left_out = (
+        [] if engine.problem.has_commands else
+        [f"{COMMANDS}{name}: not recorded; the valve stage cannot be judged"]
+    )  # fmt: skip
+    diagnosis = replace(
+        diagnosis,
+        joint=name,
+        improved=on_the_bench(diagnosis.improved),
+        retuned=on_the_bench(diagnosis.retuned),
+    )
+    return engine, _with_notes(diagnosis, used, left_out, rules.recording)
 
 
 def diagnose_joint(
@@ -190,22 +340,35 @@ def diagnose_joint(
             with_experiment=with_experiment,
         )  # fmt: skip
 
+    engine, diagnosis = _answered(engine_for, rig, rules)
+    used = [data.recording for data in engine.problem.data]
+    missing = [note for r in used for note in what_is_missing(rig, number, r)]
+    return engine, _with_notes(diagnosis, used, missing, rules.recording)
+
+
+def _answered(
+    engine_for: Callable[[Rig], JointDiagnosis], rig: Rig, rules: Rules
+) -> tuple[JointDiagnosis, Diagnosis]:
+    """The answer, with lengths as measured where loose ones explain most of the error."""
     engine = engine_for(rig)
     diagnosis = engine.run()
     if engine.lengths is not None:
         second = engine_for(as_measured(rig, rules.search))
         engine, diagnosis = _likelier(engine, diagnosis, second, second.run())
-    used = [data.recording for data in engine.problem.data]
+    return engine, diagnosis
+
+
+def _with_notes(
+    diagnosis: Diagnosis, used: Sequence[Recording], missing: Sequence[str], rules: RecordingRules
+) -> Diagnosis:
+    """The diagnosis with what was repaired and what is missing in its recordings, in words."""
+    notes = [*missing, *(note for r in used for note in filtered_channels(r, rules))]
     diagnosis = replace(
         diagnosis,
         repairs=tuple(f"{r.source.name}: {text}" for r in used for text in r.repairs),
-        left_out=tuple(
-            dict.fromkeys(
-                note for r in used for note in what_is_missing(rig, number, r, rules.recording)
-            )
-        ),
+        left_out=tuple(dict.fromkeys(notes)),
     )
-    return engine, replace(diagnosis, sentence=verdict_sentence(diagnosis))
+    return replace(diagnosis, sentence=verdict_sentence(diagnosis))
 
 
 def _likelier(
@@ -230,10 +393,8 @@ def _likelier(
     )
 
 
-def what_is_missing(
-    rig: Rig, joint: int, recording: Recording, rules: RecordingRules = DEFAULT.recording
-) -> list[str]:
-    """For each channel that is missing or filtered, what cannot be judged or is assumed."""
+def what_is_missing(rig: Rig, joint: int, recording: Recording) -> list[str]:
+    """For each channel that is missing, what cannot be judged."""
     entry = rig.joints[joint]
     notes = []
     for name, consequence in (
@@ -247,10 +408,14 @@ def what_is_missing(
         shut_valve = recording.mounting == SHUT and name.startswith(COMMANDS)
         if not recording.has(name) and not shut_valve:
             notes.append(f"{name}: not recorded; {consequence}")
-    notes += [
+    return notes
+
+
+def filtered_channels(recording: Recording, rules: RecordingRules = DEFAULT.recording) -> list[str]:
+    """For each channel that was filtered, what is assumed of its noise."""
+    return [
         f"{name}: filtered before it was recorded; its noise cannot be estimated and is "
         f"assumed to be {100 * rules.smoothed_share:g} % of its span"
         for name, noise in noise_floor(recording, rules).items()
-        if noise.is_smoothed
+        if noise.is_smoothed and name not in recording.silent
     ]
-    return notes

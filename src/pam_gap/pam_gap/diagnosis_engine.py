@@ -10,13 +10,19 @@ from functools import partial
 import numpy as np
 
 from pam_gap.answer.diagnosis import Diagnosis
-from pam_gap.answer.sentences import SizesAtTheEnd, rivals_at_the_end, sizes_at_the_end
+from pam_gap.answer.sentences import (
+    SizesAtTheEnd,
+    effects_at_the_end,
+    rivals_at_the_end,
+    sizes_at_the_end,
+)
 from pam_gap.answer.write_answer import AnswerForm, advice, not_identifiable
 from pam_gap.experiments.next_experiment import Proposal, propose
 from pam_gap.inference.candidates import Candidate, applicable, candidates_for
 from pam_gap.inference.clean_rig import is_clean
 from pam_gap.inference.decide import Verdict, close_calls, decide, judge_of
 from pam_gap.inference.decision import Decision, Judge
+from pam_gap.inference.discrepancy_model import explain_leftover
 from pam_gap.inference.evidence import Evidence
 from pam_gap.inference.excitation import not_shown
 from pam_gap.inference.held_out import (
@@ -30,13 +36,14 @@ from pam_gap.inference.held_out import (
 from pam_gap.inference.hypothesis import FitTask, Hypothesis, HypothesisFitter
 from pam_gap.inference.improved_fit import improved_fit
 from pam_gap.inference.loose_lengths import LooseLengths, loose_lengths
-from pam_gap.inference.search import Progress, Search, SearchResult, level, silent
+from pam_gap.inference.probabilities import is_cut_off
+from pam_gap.inference.search import CandidateSearch, Progress, SearchResult, level, silent
 from pam_gap.inference.search_growth import GrowthStep, grows
-from pam_gap.inference.unknown_test import explain_leftover
 from pam_gap.inference.unlisted import UnlistedFitter
 from pam_gap.inference.verdict import has_gap
+from pam_gap.prediction.bench_joint import bench_problem
 from pam_gap.prediction.channel_order import BOTH_FORCES, POSITION
-from pam_gap.prediction.fit import FitResult
+from pam_gap.prediction.fit import PlantFit
 from pam_gap.prediction.gap_figures import noise_level
 from pam_gap.prediction.identifiable import cautions, small_motion, what_is_missing
 from pam_gap.prediction.locate import Location, locate
@@ -71,6 +78,8 @@ class JointDiagnosis:
         Called with the current task and the completed share.
     with_experiment : bool
         Whether the most informative next experiment is sought; it takes many simulations.
+    is_bench : bool
+        Whether the joint is the invented one of a muscle on a bench.
     """
 
     def __init__(
@@ -83,14 +92,16 @@ class JointDiagnosis:
         threads: int = 1,
         progress: Progress = silent,
         with_experiment: bool = True,
+        is_bench: bool = False,
     ) -> None:
         self.rig = rig
-        self.with_experiment = with_experiment
+        self.with_experiment = with_experiment and not is_bench
         self.rules = rules
         self.joint = joint
         self.progress = progress
         self.progress("preparing the simulation", 0.0)  # compiles it once on a machine
-        self.problem = PredictionProblem(rig, joint, recordings, rules=rules, threads=threads)
+        make = bench_problem if is_bench else partial(PredictionProblem, joint=joint)
+        self.problem = make(rig, recordings=recordings, rules=rules, threads=threads)
         self.floor = noise_level(self.problem, self.problem.base.values)
         self.fitter = HypothesisFitter(self.problem, self.floor)
         self.folds: Folds = make_folds(self.problem)
@@ -106,9 +117,9 @@ class JointDiagnosis:
     def written(self) -> HeldOut:
         """Score of the plant as written in the rig file, without any fit."""
         errors = self.problem.errors(self.problem.base.values[None])[0]
-        both = self.folds.rows[0] | self.folds.rows[1]
+        both = self.folds.used
         sums, counts = block_sums(errors, self.folds, both)
-        result = FitResult(np.zeros(0), errors, 0.0, np.zeros((*errors.shape, 0)), 0)
+        result = PlantFit(np.zeros(0), errors, 0.0, np.zeros((*errors.shape, 0)), 0)
         mean = sums.sum(0) / np.maximum(counts.sum(0), 1.0)
         return HeldOut.of(Hypothesis((), result, mean), sums, counts)
 
@@ -117,7 +128,9 @@ class JointDiagnosis:
         present = self.present
         return [
             candidate
-            for candidate in candidates_for(self.rig, self.rig.joints[self.joint])
+            for candidate in candidates_for(
+                self.rig, self.rig.joints[self.joint], self.problem.sides
+            )
             if applicable(
                 candidate.effect,
                 commands=self.problem.has_commands,
@@ -130,7 +143,7 @@ class JointDiagnosis:
 
     def in_sample(self, hypothesis: Hypothesis) -> HeldOut:
         """Score of a hypothesis on the data to which it was fitted."""
-        both = self.folds.rows[0] | self.folds.rows[1]
+        both = self.folds.used
         sums, counts = block_sums(hypothesis.result.errors, self.folds, both)
         return HeldOut.of(hypothesis, sums, counts)
 
@@ -172,7 +185,7 @@ class JointDiagnosis:
         self.causes = self.far_beyond()
         if self.causes:
             self.fitter.without_background()
-        search = Search(self.fitter, self.candidates(), self.progress)
+        search = CandidateSearch(self.fitter, self.candidates(), self.progress)
         result = search.singles()
         if self.has_no_background(result):
             self.fitter.without_background()
@@ -193,7 +206,7 @@ class JointDiagnosis:
         share = partial(self.judge.share_of, background=whole)
         return is_clean(self.fitter, result.nominal, result.by_size[0], share)
 
-    def _goes_on(self, search: Search, result: SearchResult) -> bool:
+    def _goes_on(self, search: CandidateSearch, result: SearchResult) -> bool:
         """Whether one more effect is sought; the decision is kept as evidence."""
         best = result.by_size[-1][0]
         size = len(result.by_size)
@@ -319,24 +332,24 @@ class JointDiagnosis:
             if evidence.improved is None:
                 found += (NOT_IMPROVED,)
             found += sizes_at_the_end(told.hypothesis.at_the_end)
-            found += rivals_at_the_end(self._cut_off(verdict.decision, evidence.nominal, told))
+            found += rivals_at_the_end(self.cut_off(verdict, evidence))
         return found if self.lengths is None else (*found, self.lengths.caution)
 
-    def _cut_off(
-        self, decision: Decision[HeldOut], nominal: HeldOut, told: HeldOut
+    def cut_off(
+        self, verdict: Verdict[HeldOut], evidence: Evidence[HeldOut]
     ) -> list[SizesAtTheEnd]:
         """Sizes at the end of their range in hypotheses that explain most of the gap otherwise.
 
         Such a hypothesis might explain more if its size were not limited.
         """
-        usual = self.judge.usual(nominal, decision.tried)
-        least = self.rules.decision.most_of_the_gap
+        told, decision = verdict.named, verdict.decision
+        if told is None:
+            return []
+        usual = self.judge.usual(evidence.nominal, decision.tried)
         rivals = [
             score
             for score in decision.tried
-            if not {*told.causes} & {*score.causes}
-            and score.hypothesis.at_the_end
-            and self.judge.share_removed(usual, score) >= least
+            if not {*told.causes} & {*score.causes} and is_cut_off(self.judge, usual, score)
         ]
         return [score.hypothesis.at_the_end for score in sorted(rivals, key=self.judge.level)]
 
@@ -365,9 +378,10 @@ class JointDiagnosis:
         return replace(
             diagnosis,
             proposal=proposal,
-            next_experiment=advice(diagnosis.verdict, proposal, self.present),
+            next_experiment=advice(diagnosis.verdict, proposal, self.problem),
             facts=self._facts(verdict, evidence.nominal, started),
             cautions=self._cautions(verdict, evidence),
+            at_the_end=effects_at_the_end(self.cut_off(verdict, evidence)),
             not_shown=not_shown(self.problem, self.candidates(), self.floor),
         )
 

@@ -17,12 +17,13 @@ from pathlib import Path
 from pam_gap.answer.diagnosis import Diagnosis
 from pam_gap.answer.provenance import provenance
 from pam_gap.diagnose_recordings import (
-    diagnose_joint,
-    joints_to_diagnose,
-    prepared,
+    diagnose_subject,
+    prepared_subject,
+    subjects_to_diagnose,
 )
 from pam_gap.experiments.files import FOLDER
 from pam_gap.first_look import first_look
+from pam_gap.prediction.bench_joint import bench_muscles
 from pam_gap.recordings.column_map import ColumnMap, load_column_map
 from pam_gap.recordings.computed_channels import without_computed
 from pam_gap.recordings.import_recording import import_recording
@@ -79,8 +80,8 @@ def to_diagnose(
     mounted: tuple[Sequence[str | Path], Sequence[str | Path], Sequence[str | Path]],
     rules: Rules = DEFAULT,
     map_path: str | Path | None = None,
-) -> tuple[Rig, list[Recording], list[int]]:
-    """The rig, its recordings and the numbers of the joints to diagnose, read from files.
+) -> tuple[Rig, list[Recording], list[str]]:
+    """The rig, its recordings and the names of what is to be diagnosed, read from files.
 
     Parameters
     ----------
@@ -95,17 +96,18 @@ def to_diagnose(
         For a rig file or recording that cannot be used.
     """
     rig = load_rig(rig_path)
-    if joint is not None and joint not in rig.joint_names:
-        raise PamError(f"{rig_path}: {unknown('joint', joint, rig.joint_names)}")
+    known = (*rig.joint_names, *bench_muscles(rig))
+    if joint is not None and joint not in known:
+        raise PamError(f"{rig_path}: {unknown('joint', joint, known)}")
     column_map = None if map_path is None else load_column_map(map_path)
     read = import_as_mounted(recordings, rig, *mounted, rules, column_map)
-    return rig, read, joints_to_diagnose(rig, read, joint)
+    return rig, read, subjects_to_diagnose(rig, read, joint)
 
 
-def joint_folder(out: str | Path, rig: Rig, numbers: Sequence[int], number: int) -> Path:
+def subject_folder(out: str | Path, names: Sequence[str], name: str) -> Path:
     """The folder for the results of one joint, which is made: one for each if there are several."""
     place = Path(out)
-    folder = place if len(numbers) == 1 else place / rig.joint_names[number]
+    folder = place if len(names) == 1 else place / name
     folder.mkdir(parents=True, exist_ok=True)
     return folder
 
@@ -173,15 +175,14 @@ def diagnose_files(
         For a rig file or recording that cannot be used.
     """
     mounted = (turned_over, locked, shut)
-    rig, read, numbers = to_diagnose(recordings, rig_path, joint, mounted, rules, map_path)
+    rig, read, names = to_diagnose(recordings, rig_path, joint, mounted, rules, map_path)
     origin = provenance(rig_path, [*recordings, *turned_over, *locked, *shut], command)
     answers = []
-    for number in numbers:
-        folder = joint_folder(out, rig, numbers, number)
-        name = rig.joint_names[number]
+    for name in names:
+        folder = subject_folder(out, names, name)
         with progress(1.0, name, wanted=show_progress) as bar:
-            engine, diagnosis = diagnose_joint(
-                rig, number, read, threads=threads, progress=joint_progress(bar, name),
+            engine, diagnosis = diagnose_subject(
+                rig, name, read, threads=threads, progress=joint_progress(bar, name),
                 rules=rules, with_experiment=not answer_only,
             )  # fmt: skip
         diagnosis = replace(diagnosis, provenance=origin)
@@ -245,19 +246,18 @@ def run(given: Arguments) -> Outcome:
 def _look(given: Arguments) -> Outcome:
     """Take a first look at each joint, print it, and write it to `first_look.json`."""
     mounted, rules = (given.turned_over, given.locked, given.shut), _rules(given)
-    rig, read, numbers = to_diagnose(
+    rig, read, names = to_diagnose(
         given.recordings, given.rig, given.joint, mounted, rules, given.map
     )
     looks = []
-    for number in numbers:
-        name = rig.joint_names[number]
+    for name in names:
         with progress(1.0, name, wanted=not given.no_progress) as bar:
-            engine = prepared(
-                rig, number, read, threads=given.threads, progress=joint_progress(bar, name),
+            engine = prepared_subject(
+                rig, name, read, threads=given.threads, progress=joint_progress(bar, name),
                 rules=rules,
             )  # fmt: skip
-            looks.append(first_look(engine))
-        looks[-1].write(joint_folder(given.out, rig, numbers, number))
+            looks.append(replace(first_look(engine), joint=name))
+        looks[-1].write(subject_folder(given.out, names, name))
     for look in looks:
         print(look.text())
     print(f"written: {given.out}")

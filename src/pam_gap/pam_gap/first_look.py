@@ -52,7 +52,7 @@ class Resemblance:
 
 
 @dataclass(frozen=True, slots=True)
-class ChannelGap:
+class RetunedGap:
     """Error of one channel without noise, in its unit: as written, and re-tuned."""
 
     channel: str
@@ -74,7 +74,7 @@ class FirstLook:
         Why no answer is possible; empty if one is.
     stage : str or None
         The stage with the largest gap when it is simulated from its measured inputs.
-    gaps : tuple of ChannelGap
+    gaps : tuple of RetunedGap
         The channel with the largest share of its motion first.
     effects : tuple of Resemblance
         The effect that removes most of the error first; empty if the error does not matter.
@@ -83,7 +83,7 @@ class FirstLook:
     joint: str
     missing: tuple[str, ...] = ()
     stage: str | None = None
-    gaps: tuple[ChannelGap, ...] = ()
+    gaps: tuple[RetunedGap, ...] = ()
     effects: tuple[Resemblance, ...] = ()
 
     def text(self) -> str:
@@ -143,7 +143,7 @@ def first_look(engine: JointDiagnosis) -> FirstLook:
     return FirstLook(
         name,
         stage=location.worst,
-        gaps=tuple(ChannelGap(s.channel, s.unit, s.motion, s.before, s.retuned) for s in sizes),
+        gaps=tuple(RetunedGap(s.channel, s.unit, s.motion, s.before, s.retuned) for s in sizes),
         effects=_ranked(engine, nominal) if matters else (),
     )
 

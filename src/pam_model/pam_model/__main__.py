@@ -11,9 +11,13 @@ if __name__ == "__main__":  # before the imports below, which take time
 
 import sys
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from pam_model.command_line import NodeCommand, Tool, start_node
 from pam_model.commands import catalogue, identify, new_rig, rig_sections, size
+
+if TYPE_CHECKING:
+    from pam_ros.node_help import NodeHelp
 
 
 def _node(arguments: Sequence[str] | None) -> int:
@@ -22,8 +26,19 @@ def _node(arguments: Sequence[str] | None) -> int:
     return run(arguments)
 
 
+def _usage() -> NodeHelp:
+    from pam_model.model_help import HELP  # noqa: PLC0415
+
+    return HELP
+
+
+NODE = NodeCommand(
+    "node", "estimate forces, torques and stiffness of a robot (a ROS node)", _node, _usage
+)
+
+
 COMMANDS = (
-    NodeCommand("node", "estimate forces, torques and stiffness of a robot (a ROS node)", _node),
+    NODE,
     *catalogue.COMMANDS,
     *identify.COMMANDS,
     *rig_sections.COMMANDS,
@@ -42,7 +57,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def model_node() -> int:
     """Entry point of `ros2 run pam_model pam_model_node`."""
-    return start_node(_node)
+    return start_node(NODE)
 
 
 if __name__ == "__main__":

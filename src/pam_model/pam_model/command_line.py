@@ -29,7 +29,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, is_dataclass
 from enum import Enum
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Protocol
 
 from pam_model.argument_types import input_file
 from pam_model.errors import PamError
@@ -60,6 +60,9 @@ NO_ROOM: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """Errors of a disk, quota or file that is full; they name no file."""
 READER_GONE: Final = 141
 """Standard output was closed, for example by `head`: 128 plus the number of the signal."""
+
+ABOUT: Final = frozenset({"-h", "--help", "--version"})
+"""Ask about a program instead of starting it."""
 
 Arguments = argparse.Namespace
 Parser = argparse.ArgumentParser
@@ -114,11 +117,29 @@ class Command:
 
 @dataclass(frozen=True, slots=True)
 class NodeCommand:
-    """A command that is a ROS node: the arguments after its name are those of the node."""
+    """A command that is a ROS node: the arguments after its name are those of the node.
+
+    Attributes
+    ----------
+    name, summary : str
+        As of a `Command`.
+    run : callable
+        Imports the node and runs it with its arguments; None stands for those of the process.
+    usage : callable
+        Imports what the node's `--help` prints (pam_ros.node_help), and nothing heavy.
+    """
 
     name: str
     summary: str
     run: Callable[[Sequence[str] | None], int]
+    usage: Callable[[], _Usage]
+
+
+class _Usage(Protocol):
+    """What tells how a node is used."""
+
+    def answer(self, arguments: Sequence[str]) -> int | None:
+        """Print what was asked for, and return the exit code."""
 
 
 class _OneLineParser(argparse.ArgumentParser):
@@ -191,8 +212,7 @@ class Tool:
             use_one_thread()
         given = list(sys.argv[1:] if arguments is None else arguments)
         by_name = {command.name: command for command in self.commands}
-        of_program = ("-h", "--help", "--version")
-        if self.default and (not given or (given[0][:1] == "-" and given[0] not in of_program)):
+        if self.default and (not given or (given[0][:1] == "-" and given[0] not in ABOUT)):
             given.insert(0, self.default)
         if given and given[0] in self.moved:
             print(f"error: {given[0]} is now: {self.moved[given[0]]}", file=sys.stderr)
@@ -202,7 +222,7 @@ class Tool:
             if isinstance(command, Command):
                 return run_command(command, f"{self.program} {command.name}", given[1:])
             if isinstance(command, NodeCommand):
-                return start_node(command.run, given[1:])
+                return start_node(command, given[1:])
             return command.run(given[1:])
         parser = _OneLineParser(prog=self.program, description=f"{self.summary}.")
         parser.add_argument("--version", action=_VersionAction)
@@ -219,23 +239,24 @@ class Tool:
         raise AssertionError("a command that is listed has run")
 
 
-def start_node(
-    run: Callable[[Sequence[str] | None], int], arguments: Sequence[str] | None = None
-) -> int:
+def start_node(node: NodeCommand, arguments: Sequence[str] | None = None) -> int:
     """Import and run a node, and return its exit code; a package that is missing is one line.
 
     Parameters
     ----------
-    run : callable
-        Imports the node and runs it with its arguments.
+    node : NodeCommand
+        The node.
     arguments : sequence of str, optional
         Arguments of the node; those of the process by default.
     """
     if arguments is None:  # the program itself, not a caller within another one
         end_at_signals()
+    words = sys.argv[1:] if arguments is None else arguments
+    if not ABOUT.isdisjoint(words):  # before ROS is imported, which takes a second
+        return node.usage().answer(words) or DONE
     gc.disable()  # what is imported and made stays; the node's main loop enables it
     try:
-        return run(arguments)
+        return node.run(arguments)
     except ModuleNotFoundError as error:
         return _code_after(error)
     finally:

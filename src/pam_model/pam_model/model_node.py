@@ -21,24 +21,16 @@ from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 
 from pam_model.errors import PamError
 from pam_model.joints.joint_estimator import JointEstimator
+from pam_model.model_help import HELP, PARAMETERS
 from pam_model.rig import described_key, rig_of_node
 from pam_model.robot import compose
 from pam_ros.diagnostics import OK, STALE, WARN, diagnostic_array, diagnostic_status
 from pam_ros.joint_state_bytes import JointStateFields, JointStateReader
 from pam_ros.joint_state_publisher import Audience, JointStatePublisher, nanoseconds_of
-from pam_ros.node_help import Endpoint, NodeHelp
-from pam_ros.parameters import NodeParameters, Parameter
+from pam_ros.parameters import NodeParameters
 from pam_ros.polled_topic import PolledTopic
-from pam_ros.program_name import PROGRAM
 from pam_ros.spin import spin_node
 
-PARAMETERS = (
-    Parameter("publish_rate", 100.0, "Hz", 1.0, 1000.0, "rate at which estimates are published"),
-    Parameter("max_age", 0.1, "s", 0.001, 10.0, "an older measurement counts as missing", True),
-    Parameter(
-        "closed_chambers", False, "-", 0, 0, "stiffness with shut valves instead of fixed pressure"
-    ),
-)
 # Measurements are taken before every estimate, and at least so often, so that none is lost [Hz].
 _POLL_RATE = 100.0
 NAME = "pam_model"
@@ -198,30 +190,6 @@ class ModelNode(Node):  # type: ignore[misc]
         status = diagnostic_status(f"{self.get_name()}: estimates", level, text, values)
         stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(diagnostic_array(stamp, status, namespace=self.get_namespace()))
-
-
-HELP = NodeHelp(
-    program=f"{PROGRAM} model node",
-    purpose="Estimates muscle lengths and forces, joint torques and stiffness from the measured "
-    "pressures and angles.",
-    parameters=PARAMETERS,
-    other_keys="the keys of the rig file, which docs/rig_file.md describes",
-    example="--ros-args --params-file config/elbow.yaml",
-    subscribes=(
-        Endpoint("pressure_states", "sensor_msgs/JointState", "effort: gauge pressure [Pa]"),
-        Endpoint("joint_states", "sensor_msgs/JointState", "position [rad], velocity [rad/s]"),
-    ),
-    publishes=(
-        Endpoint(
-            "muscle_states",
-            "sensor_msgs/JointState",
-            "position: length [m], velocity [m/s], effort: force [N]",
-        ),
-        Endpoint("joint_estimates", "sensor_msgs/JointState", "effort: torque [N m]"),
-        Endpoint("joint_stiffness", "std_msgs/Float64MultiArray", "[N m/rad]"),
-        Endpoint("/diagnostics", "diagnostic_msgs/DiagnosticArray", "health, once a second"),
-    ),
-)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -9,8 +9,12 @@ if __name__ == "__main__":  # before the imports below, which take time
 
 import sys
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from pam_model.command_line import NodeCommand, Tool, start_node
+
+if TYPE_CHECKING:
+    from pam_ros.node_help import NodeHelp
 
 
 def _node(arguments: Sequence[str] | None) -> int:
@@ -22,11 +26,18 @@ def _node(arguments: Sequence[str] | None) -> int:
     return run(arguments, DriverNode, ControllerNode, ModelNode)
 
 
-COMMANDS = (
-    NodeCommand(
-        "node", "drive, control and estimate a robot in one cycle (three ROS nodes)", _node
-    ),
+def _usage() -> NodeHelp:
+    from pam_robot.robot_help import HELP  # noqa: PLC0415
+
+    return HELP
+
+
+NODE = NodeCommand(
+    "node", "drive, control and estimate a robot in one cycle (three ROS nodes)", _node, _usage
 )
+
+
+COMMANDS = (NODE,)
 TOOL = Tool("robot", "Driver, controller and model of a robot in one process", COMMANDS)
 
 
@@ -37,7 +48,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def robot_node() -> int:
     """Entry point of `ros2 run pam_robot pam_robot_node`."""
-    return start_node(_node)
+    return start_node(NODE)
 
 
 if __name__ == "__main__":

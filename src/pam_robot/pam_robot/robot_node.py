@@ -20,12 +20,12 @@ from pam_driver.snapshot import Snapshot
 from pam_model.errors import PamError
 from pam_robot.direct_link import COMMAND_DELAY, DirectLink
 from pam_robot.robot_cycle import RobotCycle, Work
+from pam_robot.robot_help import HELP
 from pam_ros.end_signals import EndSignals
 from pam_ros.errors import ParameterError
 from pam_ros.node_arguments import arguments_by_node
 from pam_ros.node_end import end_node
-from pam_ros.node_help import MISTAKE, NodeHelp, tell_mistake
-from pam_ros.program_name import PROGRAM
+from pam_ros.node_help import MISTAKE, tell_mistake
 from pam_ros.start import start_ros
 from pam_ros.steady_timers import SteadyTimers, turns
 from pam_ros.unforeseen import BROKEN
@@ -35,17 +35,6 @@ SWITCH_INTERVAL: Final = 5e-5
 """After which another thread lets the cycle run [s]. The cycle gives the interpreter away at each
 call of the system, some ten times, and waits so long for it while a trajectory is planned: with
 0.5 ms, plans of 50,000 points made it skip three times as many cycles."""
-
-HELP: Final = NodeHelp(
-    program=f"{PROGRAM} robot node",
-    purpose="Runs the driver, the controller and the model of one robot as three nodes of one "
-    "process. One cycle measures, judges, controls and sends, without a message in between. "
-    "Topics, services and parameters are those of the nodes, which their own --help lists.",
-    parameters=(),
-    other_keys="the parameters of pam_driver, pam_controller and pam_model, each in the section of "
-    "its node or as -p NODE:NAME:=VALUE, and the keys of the rig file (docs/rig_file.md)",
-    example="--ros-args --params-file config/elbow.yaml -p pam_driver:bus.channel:=can0",
-)
 
 
 class RobotNodes:

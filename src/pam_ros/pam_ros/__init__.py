@@ -15,7 +15,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from pam_ros.parameters import NodeParameters, Parameter
+    from pam_ros.parameter_row import Parameter
+    from pam_ros.parameters import NodeParameters
     from pam_ros.periodic import PeriodicLoop
     from pam_ros.spin import spin_node
     from pam_ros.transport import leave_out_shared_memory
@@ -36,10 +37,14 @@ def __getattr__(name: str) -> Any:
             from pam_ros.version import installed_version
 
             return installed_version(__name__)
-        case "NodeParameters" | "Parameter":
+        case "NodeParameters":
             from pam_ros import parameters
 
             return getattr(parameters, name)
+        case "Parameter":
+            from pam_ros import parameter_row
+
+            return getattr(parameter_row, name)
         case "PeriodicLoop":
             from pam_ros import periodic
 

@@ -14,10 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from rclpy.impl.implementation_singleton import rclpy_implementation
-from rclpy.utilities import remove_ros_args
-
-from pam_ros.parameters import Parameter
+from pam_ros.parameter_row import Parameter
 from pam_ros.version import version_line
 
 MISTAKE = 2
@@ -97,7 +94,10 @@ class NodeHelp:
             when = " May change while the node runs." if parameter.changeable else ""
             lines += _indented(f"{parameter.description}.{when}")
         if self.other_keys:
-            lines += ["  and " + self.other_keys]
+            before = "and " if self.parameters else ""
+            lines += textwrap.wrap(
+                before + self.other_keys, WIDTH, initial_indent="  ", subsequent_indent="  "
+            )
         lines += ["", "example:", f"  {self.program} {self.example}", ""]
         return "\n".join(lines)
 
@@ -130,6 +130,10 @@ class NodeHelp:
 
 def _problem_of(words: Sequence[str]) -> str:
     """What is wrong with a command line; empty if ROS accepts it."""
+    # whoever asks for help need not wait for ROS
+    from rclpy.impl.implementation_singleton import rclpy_implementation  # noqa: PLC0415
+    from rclpy.utilities import remove_ros_args  # noqa: PLC0415
+
     for flag, name in itertools.pairwise(words):
         if flag == "--params-file" and not Path(name).is_file():
             what = "is a folder; expected a file" if Path(name).is_dir() else "no such file"

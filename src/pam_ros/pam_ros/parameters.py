@@ -8,10 +8,8 @@ are refused here. The node passes a function that reads the keys that are not it
 
 from __future__ import annotations
 
-import math
 from array import array
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, Protocol
 
 from rcl_interfaces.msg import (
@@ -23,85 +21,12 @@ from rcl_interfaces.msg import (
 from rclpy.parameter import Parameter as RosParameter
 
 from pam_ros.errors import ParameterError
-from pam_ros.foreign_text import shown, value_shown
+from pam_ros.foreign_text import shown
 from pam_ros.parameter_files import given_files, refuse_lost_sections
+from pam_ros.parameter_row import Parameter, Value
 
-Value = bool | int | float | str
 OnChange = Callable[[Mapping[str, Value]], str | None]
 _OF_ROS = ("use_sim_time", "start_type_description_service", "qos_overrides")
-
-
-@dataclass(frozen=True, slots=True)
-class Parameter:
-    """One parameter of a node.
-
-    Attributes
-    ----------
-    name : str
-        Name as in a parameter file.
-    default : bool, int, float or str
-        Default value; its type is the type of the parameter.
-    unit : str
-        SI unit, "-" for none.
-    low, high : float
-        Bounds of a number; ignored for text and bool.
-    description : str
-        One line.
-    changeable : bool
-        Whether it may change while the node runs.
-    """
-
-    name: str
-    default: Value
-    unit: str
-    low: float
-    high: float
-    description: str
-    changeable: bool = False
-
-    def check(self, value: object) -> Value:
-        """The value, converted to the type of the parameter.
-
-        Raises
-        ------
-        ParameterError
-            If the value is wrong; the text names parameter, value, unit and what was expected.
-        """
-        kind = type(self.default)
-        if kind is float and isinstance(value, int) and not isinstance(value, bool):
-            value = float(value)
-        if type(value) is not kind:
-            expected = {float: "a number", int: "a whole number", bool: "true or false"}
-            raise ParameterError(
-                f"{self.name} = {value_shown(value)}: must be {expected.get(kind, 'text')}"
-                + (f" in {self.unit}" if self.unit != "-" else "")
-            )
-        if isinstance(value, int | float) and not isinstance(value, bool):
-            if not math.isfinite(value):
-                raise ParameterError(f"{self.name} = {value} {self.unit}: must be a finite number")
-            if not self.low <= value <= self.high:
-                told = f"{value:g}"
-                if self.low <= float(told) <= self.high:  # rounded to the limit
-                    told = repr(value)
-                raise ParameterError(
-                    f"{self.name} = {told} {self.unit}: must be from {self.low:g} to "
-                    f"{self.high:g} {self.unit}"
-                )
-        assert isinstance(value, bool | int | float | str)
-        return value
-
-    def descriptor(self) -> Any:
-        """The description that `ros2 param describe` shows: text, unit and range."""
-        descriptor = _descriptor(self.name, self.description, self.unit, not self.changeable)
-        if type(self.default) is float:
-            descriptor.floating_point_range = [
-                FloatingPointRange(from_value=float(self.low), to_value=float(self.high))
-            ]
-        elif type(self.default) is int:
-            descriptor.integer_range = [
-                IntegerRange(from_value=int(self.low), to_value=int(self.high))
-            ]
-        return descriptor
 
 
 class OtherKey(Protocol):
@@ -126,6 +51,21 @@ class OtherKey(Protocol):
 
 def _descriptor(name: str, text: str, unit: str, read_only: bool) -> Any:
     return ParameterDescriptor(name=name, description=f"{text} [{unit}]", read_only=read_only)
+
+
+def _declaration(parameter: Parameter) -> Any:
+    """The description that `ros2 param describe` shows: text, unit and range."""
+    made = _descriptor(
+        parameter.name, parameter.description, parameter.unit, not parameter.changeable
+    )
+    low, high = parameter.low, parameter.high
+    if type(parameter.default) is float:
+        made.floating_point_range = [
+            FloatingPointRange(from_value=float(low), to_value=float(high))
+        ]
+    elif type(parameter.default) is int:
+        made.integer_range = [IntegerRange(from_value=int(low), to_value=int(high))]
+    return made
 
 
 def _declaration_of_other(name: str, value: Any, key: OtherKey) -> tuple[Any, Any]:
@@ -217,7 +157,7 @@ class NodeParameters[Described]:
             if name in given:
                 node.undeclare_parameter(name)
             node.declare_parameter(
-                name, self._values[name], parameter.descriptor(), ignore_override=True
+                name, self._values[name], _declaration(parameter), ignore_override=True
             )
         for name, value in others.items():
             known, descriptor = _declaration_of_other(name, value, describe(self.described, name))

@@ -11,6 +11,7 @@ if __name__ == "__main__":  # before the imports below, which take time
 
 import sys
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from pam_model.argument_types import count, input_file, named_number, number
 from pam_model.command_line import (
@@ -24,6 +25,9 @@ from pam_model.command_line import (
     start_node,
 )
 from pam_model.errors import PamError
+
+if TYPE_CHECKING:
+    from pam_ros.node_help import NodeHelp
 
 
 def _rig(given: Arguments) -> Outcome:
@@ -118,8 +122,19 @@ def _node(arguments: Sequence[str] | None) -> int:
     return run(arguments)
 
 
+def _usage() -> NodeHelp:
+    from pam_sim.rig_help import HELP  # noqa: PLC0415
+
+    return HELP
+
+
+NODE = NodeCommand(
+    "node", "a simulated rig on a CAN bus, with faults to inject (a ROS node)", _node, _usage
+)
+
+
 COMMANDS = (
-    NodeCommand("node", "a simulated rig on a CAN bus, with faults to inject (a ROS node)", _node),
+    NODE,
     Command(
         "rig",
         "run a simulated rig on a CAN bus, without ROS",
@@ -149,7 +164,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def rig_node() -> int:
     """Entry point of `ros2 run pam_sim pam_rig`."""
-    return start_node(_node)
+    return start_node(NODE)
 
 
 if __name__ == "__main__":

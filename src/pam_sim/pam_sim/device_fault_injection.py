@@ -12,7 +12,7 @@ from pam_driver.boards.mapped.kind import read_device as read_mapped_device
 from pam_driver.boards.protocol import Address, WiredBoard
 from pam_driver.boards.wiring import kind_name
 from pam_model.errors import PamError
-from pam_sim.fault_stage import FOR_EVER, Injection, Stage, Values
+from pam_sim.fault_stage import FOR_EVER, FaultStage, Injection, Values
 from pam_sim.faults.frame_faults import Direction, FrameFault
 
 _HEARTBEAT: Final = 0x700
@@ -42,7 +42,7 @@ def _any(wired: WiredBoard) -> bool:
     return True
 
 
-def _device(stage: Stage, draw: random.Random, kinds: Collection[str], fits: Fits) -> Address:
+def _device(stage: FaultStage, draw: random.Random, kinds: Collection[str], fits: Fits) -> Address:
     """A randomly chosen device of these kinds.
 
     Raises
@@ -60,12 +60,12 @@ def _device(stage: Stage, draw: random.Random, kinds: Collection[str], fits: Fit
     return draw.choice(found)
 
 
-def _unplug(stage: Stage, values: Values, draw: random.Random) -> None:
+def _unplug(stage: FaultStage, values: Values, draw: random.Random) -> None:
     stage.sim.faults.unplugged.add(_device(stage, draw, ("mapped", "canopen"), _any))
 
 
 def _misbehaves(kind: str, fault: str, fits: Fits = _any, *, restarts: bool = False) -> Injection:
-    def inject(stage: Stage, values: Values, draw: random.Random) -> None:
+    def inject(stage: FaultStage, values: Values, draw: random.Random) -> None:
         address = _device(stage, draw, (kind,), fits)
         if restarts:
             stage.sim.restart_board(address, stage.now)
@@ -75,13 +75,13 @@ def _misbehaves(kind: str, fault: str, fits: Fits = _any, *, restarts: bool = Fa
 
 
 def _reboots(kind: str) -> Injection:
-    def inject(stage: Stage, values: Values, draw: random.Random) -> None:
+    def inject(stage: FaultStage, values: Values, draw: random.Random) -> None:
         stage.sim.restart_board(_device(stage, draw, (kind,), _any), stage.now)
 
     return inject
 
 
-def _spoil(stage: Stage, how: str, direction: Direction, identifiers: Collection[int]) -> None:
+def _spoil(stage: FaultStage, how: str, direction: Direction, identifiers: Collection[int]) -> None:
     stage.frames.faults.append(
         FrameFault(how, direction, 1.0, 0.0, FOR_EVER, only=frozenset(identifiers))
     )
@@ -92,7 +92,7 @@ def _canopen_frames(
 ) -> Injection:
     """All frames of one device with these function codes are spoiled."""
 
-    def inject(stage: Stage, values: Values, draw: random.Random) -> None:
+    def inject(stage: FaultStage, values: Values, draw: random.Random) -> None:
         address = _device(stage, draw, ("canopen",), fits)
         node = int(stage.sim.wired[address].settings["node"])
         _spoil(stage, how, direction, [base + node for base in bases])
@@ -102,7 +102,7 @@ def _canopen_frames(
     return inject
 
 
-def _host_heartbeat_lost(stage: Stage, values: Values, draw: random.Random) -> None:
+def _host_heartbeat_lost(stage: FaultStage, values: Values, draw: random.Random) -> None:
     address = _device(stage, draw, ("canopen",), _drives)
     device, _ = read_canopen_device(stage.sim.wired[address])
     _spoil(stage, "lost", "down", [_HEARTBEAT + device.host_node])
@@ -111,7 +111,7 @@ def _host_heartbeat_lost(stage: Stage, values: Values, draw: random.Random) -> N
 def _mapped_answers(how: str, *, status: bool) -> Injection:
     """All messages with measurements, or all with the state, are spoiled."""
 
-    def inject(stage: Stage, values: Values, draw: random.Random) -> None:
+    def inject(stage: FaultStage, values: Values, draw: random.Random) -> None:
         address = _device(stage, draw, ("mapped",), _any)
         answers = read_mapped_device(stage.sim.wired[address]).answers
         chosen = [frame.frame_id for frame in answers if (frame.state is not None) is status]
@@ -120,7 +120,7 @@ def _mapped_answers(how: str, *, status: bool) -> Injection:
     return inject
 
 
-def _mapped_commands(stage: Stage, values: Values, draw: random.Random) -> None:
+def _mapped_commands(stage: FaultStage, values: Values, draw: random.Random) -> None:
     address = _device(stage, draw, ("mapped",), _drives)
     commands = read_mapped_device(stage.sim.wired[address]).commands
     _spoil(stage, "wrong_length", "down", [frame.frame_id for frame in commands])

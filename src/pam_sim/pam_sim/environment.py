@@ -36,7 +36,7 @@ PER_JOINT = 5
 
 
 @dataclass(frozen=True, slots=True)
-class Task:
+class EpisodeTask:
     """What an episode asks for.
 
     Attributes
@@ -83,7 +83,7 @@ class PamVectorEnv(gym.vector.VectorEnv[Array, Array, Any]):
         The robot with its effects.
     num_envs : int
         Number of robots.
-    task : Task, optional
+    task : EpisodeTask, optional
         What is asked for.
     randomisation : Randomisation, optional
         How the numbers of an episode are drawn; by default, they are those of the rig file.
@@ -103,11 +103,11 @@ class PamVectorEnv(gym.vector.VectorEnv[Array, Array, Any]):
         self,
         rig: Rig,
         num_envs: int = 1,
-        task: Task | None = None,
+        task: EpisodeTask | None = None,
         randomisation: Randomisation | None = None,
     ) -> None:
         within("num_envs", num_envs, 1)
-        self.task = Task() if task is None else task
+        self.task = EpisodeTask() if task is None else task
         self._randomisation = randomisation or Randomisation({})
         self._nominal = [PlantParameters.from_rig(rig, joint.name) for joint in rig.joints]
         if not self._nominal:
@@ -213,7 +213,7 @@ class PamEnv(gym.Env[Array, Array]):
     def __init__(
         self,
         rig: Rig,
-        task: Task | None = None,
+        task: EpisodeTask | None = None,
         randomisation: Randomisation | None = None,
     ) -> None:
         self._one = PamVectorEnv(rig, 1, task, randomisation)

@@ -16,7 +16,7 @@ from pam_model.names import unknown
 from pam_model.rig import Rig
 from pam_ros.foreign_text import shown
 from pam_sim import device_fault_injection
-from pam_sim.fault_stage import FOR_EVER, Injection, Stage, Values
+from pam_sim.fault_stage import FOR_EVER, FaultStage, Injection, Values
 from pam_sim.faults import rig_faults
 from pam_sim.faults.frame_faults import Direction, FrameFault
 from pam_sim.faults.kinds import ALL_KINDS
@@ -24,7 +24,7 @@ from pam_sim.faults.size_of_faults import ranges_on
 
 
 def _frames(kind: str, direction: Direction, share: float = 1.0) -> Injection:
-    def inject(stage: Stage, values: Values, draw: random.Random) -> None:
+    def inject(stage: FaultStage, values: Values, draw: random.Random) -> None:
         until = stage.now + values.get("duration", FOR_EVER)
         stage.frames.faults.append(
             FrameFault(
@@ -40,11 +40,11 @@ def _frames(kind: str, direction: Direction, share: float = 1.0) -> Injection:
     return inject
 
 
-def _board(stage: Stage, draw: random.Random) -> Address:
+def _board(stage: FaultStage, draw: random.Random) -> Address:
     return draw.choice(list(stage.sim.boards))
 
 
-def _input(stage: Stage, draw: random.Random, *, encoder: bool = False) -> tuple[Address, int]:
+def _input(stage: FaultStage, draw: random.Random, *, encoder: bool = False) -> tuple[Address, int]:
     """A randomly chosen pressure sensor or encoder."""
     wired = stage.sim.wired
     board = draw.choice(
@@ -54,16 +54,16 @@ def _input(stage: Stage, draw: random.Random, *, encoder: bool = False) -> tuple
     return board, place
 
 
-def _restart(stage: Stage, values: Values, draw: random.Random) -> None:
+def _restart(stage: FaultStage, values: Values, draw: random.Random) -> None:
     stage.sim.restart_board(_board(stage, draw), stage.now)
 
 
-def _freeze(stage: Stage, values: Values, draw: random.Random) -> None:
+def _freeze(stage: FaultStage, values: Values, draw: random.Random) -> None:
     stage.sim.faults.frozen[_board(stage, draw)] = stage.now + values["reset_after"]
 
 
 def _misbehave(fault: str) -> Injection:
-    def inject(stage: Stage, values: Values, draw: random.Random) -> None:
+    def inject(stage: FaultStage, values: Values, draw: random.Random) -> None:
         stage.sim.boards[_board(stage, draw)].misbehave(fault, values.get("by", 0.0))
 
     return inject
@@ -72,36 +72,36 @@ def _misbehave(fault: str) -> Injection:
 def _sensor(
     make: Callable[[Values, float, random.Random], rig_faults.Reading], *, encoder: bool
 ) -> Injection:
-    def inject(stage: Stage, values: Values, draw: random.Random) -> None:
+    def inject(stage: FaultStage, values: Values, draw: random.Random) -> None:
         place = _input(stage, draw, encoder=encoder)
         stage.sim.faults.sensors[place] = make(values, stage.now, draw)
 
     return inject
 
 
-def _swap(stage: Stage, values: Values, draw: random.Random) -> None:
+def _swap(stage: FaultStage, values: Values, draw: random.Random) -> None:
     stage.sim.faults.swapped.add(_board(stage, draw))
 
 
 def _valve(opening: float) -> Injection:
-    def inject(stage: Stage, values: Values, draw: random.Random) -> None:
+    def inject(stage: FaultStage, values: Values, draw: random.Random) -> None:
         stage.sim.faults.valves[_input(stage, draw)] = opening
 
     return inject
 
 
-def _leak(stage: Stage, values: Values, draw: random.Random) -> None:
+def _leak(stage: FaultStage, values: Values, draw: random.Random) -> None:
     stage.sim.open_leak(draw.randrange(len(stage.sim.rig.muscles)), values["conductance"])
 
 
-def _exhausts(stage: Stage, values: Values, draw: random.Random) -> None:
+def _exhausts(stage: FaultStage, values: Values, draw: random.Random) -> None:
     for address, wired in stage.sim.wired.items():
         for place in range(len(wired.valves)):
             stage.sim.faults.exhausts[address, place] = values["share"]
 
 
 def _lag(*, encoder: bool) -> Injection:
-    def inject(stage: Stage, values: Values, draw: random.Random) -> None:
+    def inject(stage: FaultStage, values: Values, draw: random.Random) -> None:
         for address, wired in stage.sim.wired.items():
             places = [rig_faults.POSITION] if encoder else range(len(wired.pressures))
             for place in places:
@@ -112,14 +112,14 @@ def _lag(*, encoder: bool) -> Injection:
 
 
 def _both(*injections: Injection) -> Injection:
-    def inject(stage: Stage, values: Values, draw: random.Random) -> None:
+    def inject(stage: FaultStage, values: Values, draw: random.Random) -> None:
         for one in injections:
             one(stage, values, draw)
 
     return inject
 
 
-def _supply(stage: Stage, values: Values, draw: random.Random) -> None:
+def _supply(stage: FaultStage, values: Values, draw: random.Random) -> None:
     rig = stage.sim.rig
     ambient = rig.gas.ambient_pressure
     stage.sim.set_supply_pressure(ambient + values["share"] * rig.supply_gauge_pressure)
@@ -234,12 +234,12 @@ def parse_injection(text: str, rig: Rig) -> tuple[str, dict[str, float]]:
     return name, values
 
 
-def inject(stage: Stage, name: str, values: Values, draw: random.Random) -> None:
+def inject(stage: FaultStage, name: str, values: Values, draw: random.Random) -> None:
     """Inject a fault now; UnknownNameError for a fault that is not one of the rig."""
     INJECTIONS[name](stage, values, draw)
 
 
-def mend(stage: Stage) -> None:
+def mend(stage: FaultStage) -> None:
     """End every fault that can end."""
     stage.frames.faults.clear()
     stage.sim.faults.clear()

@@ -13,7 +13,7 @@ Values = Mapping[str, float]
 FOR_EVER: Final = 1e6  # s
 
 
-class Stage(Protocol):
+class FaultStage(Protocol):
     """A simulated rig with its bus: the rig's loop in real time, or the chain of the campaign."""
 
     sim: SimulatedRig
@@ -24,4 +24,4 @@ class Stage(Protocol):
         """Call `action` at a time [s]."""
 
 
-Injection = Callable[[Stage, Values, random.Random], None]
+Injection = Callable[[FaultStage, Values, random.Random], None]

@@ -15,7 +15,7 @@ from dataclasses import replace
 from pam_driver.buses import bus_of_options, open_buses
 from pam_model.command_line import Arguments, Outcome
 from pam_model.errors import PamError
-from pam_model.plant.simulate import DEFAULT_STEP
+from pam_model.plant.default_step import DEFAULT_STEP
 from pam_model.rig import load_rig
 from pam_sim.boards.protocol import BoardSettings
 from pam_sim.boards.sensors import SensorQuality

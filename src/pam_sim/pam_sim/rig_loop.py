@@ -41,7 +41,7 @@ class RigLoop:
     truth_time : float
         Its wall-clock time [s].
     sim, frames, now
-        The objects on which faults act, see `fault_stage.Stage`.
+        The objects on which faults act, see `fault_stage.FaultStage`.
     """
 
     def __init__(

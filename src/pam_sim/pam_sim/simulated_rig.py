@@ -16,10 +16,11 @@ from pam_model.bounds import within
 from pam_model.effects import EFFECTS
 from pam_model.errors import PamError, RigError
 from pam_model.names import unknown
+from pam_model.plant.default_step import DEFAULT_STEP
 from pam_model.plant.layout import MUSCLES
 from pam_model.plant.parameters import PlantParameters
 from pam_model.plant.robot_plant import RobotPlant
-from pam_model.plant.simulate import DEFAULT_STEP, vented_state
+from pam_model.plant.simulate import vented_state
 from pam_model.rig import Rig
 from pam_ros.foreign_text import shown
 from pam_sim.boards.protocol import BoardSettings, SimulatedBoard, TwinKind

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from pam_demo.commission.robot_port import Reading
+from pam_demo.commission.robot_port import JointReading
 from pam_demo.commission.simulated_port import SimulatedPort
 from pam_model.rig import Rig
 
@@ -18,9 +18,9 @@ class WiredPort(SimulatedPort):
     def __init__(self, rig: Rig, exchanged: str = "") -> None:
         super().__init__(rig, PERIOD)
         self.exchanged = exchanged
-        self.truth: list[Reading] = []
+        self.truth: list[JointReading] = []
 
-    def advance(self, commands: Sequence[float]) -> Reading:
+    def advance(self, commands: Sequence[float]) -> JointReading:
         first, second = commands
         if self.exchanged == "hoses":
             first, second = second, first
@@ -35,4 +35,4 @@ class WiredPort(SimulatedPort):
             pressures = pressures[1], pressures[0]
         if self.exchanged == "sign of the joint":
             position = -position
-        return Reading(time, position, pressures)
+        return JointReading(time, position, pressures)

@@ -15,7 +15,7 @@ from pam_model.atlas.phenomenological.colbrunn import ColbrunnMuscle
 from pam_model.atlas.phenomenological.three_element import ThreeElementMuscle, serres_coefficients
 from pam_model.atlas.supply.fill_time import fill_time
 from pam_model.atlas.supply.thermal_chamber import ThermalChamber
-from pam_model.atlas.supply.tube import Tube
+from pam_model.atlas.supply.tube import StraightTube
 from pam_model.muscles.models.wickramatunge import Wickramatunge
 
 Numbers = Mapping[str, Any]
@@ -148,7 +148,7 @@ def isothermal_fill_time(given: Numbers) -> Numbers:
 
 @case
 def tube_laminar(given: Numbers) -> Numbers:
-    tube = Tube(given["L_t"], given["D"], given["T"])
+    tube = StraightTube(given["L_t"], given["D"], given["T"])
     flow = tube.laminar_flow(given["p1"], given["p2"])
     return {
         "mdot_laminar": flow,

@@ -20,19 +20,14 @@ from sensor_msgs.msg import JointState
 from visualization_msgs.msg import Marker, MarkerArray
 
 from pam_bringup.viewer.arm_drawing import Stroke, arm_strokes
+from pam_bringup.viewer.markers_help import HELP, PARAMETERS
 from pam_model.errors import PamError
 from pam_model.rig import described_key, rig_of_node
 from pam_model.robot import compose
-from pam_ros.node_help import Endpoint, NodeHelp
-from pam_ros.parameters import NodeParameters, Parameter
-from pam_ros.program_name import PROGRAM
+from pam_ros.parameters import NodeParameters
 from pam_ros.spin import spin_node
 from pam_ros.subscriptions import subscribe
 
-PARAMETERS = (
-    Parameter("rate", 20.0, "Hz", 1.0, 100.0, "of the markers"),
-    Parameter("frame", "base_link", "-", 0, 0, "in which the muscles stand; that of the URDF"),
-)
 LINK = "link"  # the rod of a joint, which the robot's own model shows
 _LATEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 
@@ -87,20 +82,6 @@ class MarkersNode(Node):  # type: ignore[misc]
                 markers += [cylinder(stroke, 0, self._frame) for stroke in shown]
         if markers:
             self._markers.publish(MarkerArray(markers=markers))
-
-
-HELP = NodeHelp(
-    program=f"{PROGRAM} bringup markers",
-    purpose="Publishes the muscles as markers, with their length and, as colour, their pressure.",
-    parameters=PARAMETERS,
-    other_keys="the keys of the rig file, which docs/rig_file.md describes",
-    example="--ros-args --params-file config/elbow.yaml",
-    subscribes=(
-        Endpoint("joint_states", "sensor_msgs/JointState", "position [rad]"),
-        Endpoint("pressure_states", "sensor_msgs/JointState", "effort: gauge pressure [Pa]"),
-    ),
-    publishes=(Endpoint("~/muscles", "visualization_msgs/MarkerArray", "muscles and tendons [m]"),),
-)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

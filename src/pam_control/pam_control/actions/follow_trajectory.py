@@ -12,7 +12,7 @@ from functools import partial
 from typing import Any
 
 from pam_control.actions.goal_tolerances import GoalCode, GoalError, goal_tolerances
-from pam_control.actions.trajectory_goal import Outcome, TrajectoryGoal
+from pam_control.actions.trajectory_goal import GoalOutcome, TrajectoryGoal
 from pam_control.command_intake import CommandIntake
 from pam_control.control_step import JointTelemetry
 from pam_control.controller import Controller
@@ -20,7 +20,7 @@ from pam_control.references.trajectory import CommandError, JointNameError, Past
 from pam_control.references.trajectory import TrajectoryPoint as Point
 from pam_ros.foreign_text import all_shown
 from pam_ros.long_actions import GoalEnd, LongActions
-from pam_ros.parameters import Value
+from pam_ros.parameter_row import Value
 from pam_ros.slow_work import SlowWork
 from pam_ros.steady_timers import SteadyTimers
 
@@ -114,7 +114,7 @@ class FollowTrajectory:
     def drop(self, reason: str) -> None:
         """End the active goal: the driver has stopped the motion; the lock must be held."""
         if self._goal is not None and self._goal.outcome is None:
-            self._goal.outcome = Outcome(GoalCode.INVALID_GOAL, reason)
+            self._goal.outcome = GoalOutcome(GoalCode.INVALID_GOAL, reason)
 
     # --- requests -------------------------------------------------------------------------------
 
@@ -223,7 +223,7 @@ class FollowTrajectory:
                 names = handle.request.trajectory.joint_names
                 self._intake.supersede([name for name in names if name in known])
             elif self._goal is not None and self._goal.outcome is None:
-                self._goal.outcome = Outcome(GoalCode.SUCCESSFUL, "canceled; braking")
+                self._goal.outcome = GoalOutcome(GoalCode.SUCCESSFUL, "canceled; braking")
                 self._controller.references.stop(self._goal.names, self._clock())
 
     # --- while a goal is active -----------------------------------------------------------------
@@ -238,7 +238,7 @@ class FollowTrajectory:
             reason = self._reason_against()
             outcome = goal.outcome
             if outcome is None and reason:
-                outcome = Outcome(GoalCode.INVALID_GOAL, reason)
+                outcome = GoalOutcome(GoalCode.INVALID_GOAL, reason)
             if outcome is not None:
                 self._handle = self._goal = None
             feedback = None if outcome is not None else self._feedback(goal)

@@ -24,7 +24,7 @@ _REPLACED_BY = {
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class GoalOutcome:
     """The end of a goal.
 
     Attributes
@@ -58,7 +58,7 @@ class TrajectoryGoal:
 
     Attributes
     ----------
-    outcome : Outcome or None
+    outcome : GoalOutcome or None
         How the goal has ended; None while it continues.
     """
 
@@ -72,7 +72,7 @@ class TrajectoryGoal:
         self.splines = splines
         self.begin = begin
         self.end = max(spline.end_time for spline in splines.values())
-        self.outcome: Outcome | None = None
+        self.outcome: GoalOutcome | None = None
         self._tolerances = tolerances
         self._note = note
 
@@ -103,7 +103,7 @@ class TrajectoryGoal:
         for name, spline in self.splines.items():
             if not references.follows(name, spline):
                 what = _REPLACED_BY[references.following(name)]
-                self.outcome = Outcome(GoalCode.INVALID_GOAL, f"{name}: replaced by {what}")
+                self.outcome = GoalOutcome(GoalCode.INVALID_GOAL, f"{name}: replaced by {what}")
                 return
         own = {name: joint for name, joint in telemetry.items() if name in self.splines}
         if now < self.end:
@@ -119,7 +119,7 @@ class TrajectoryGoal:
             speed = joint.reference.velocity - joint.motion.velocity
             text = _violation(name, joint.error, tolerance.position, speed, tolerance.velocity)
             if text:
-                self.outcome = Outcome(GoalCode.PATH_TOLERANCE_VIOLATED, f"{text} on the way")
+                self.outcome = GoalOutcome(GoalCode.PATH_TOLERANCE_VIOLATED, f"{text} on the way")
                 return
 
     def _judge_end(self, now: float, joints: Mapping[str, JointTelemetry]) -> None:
@@ -130,10 +130,10 @@ class TrajectoryGoal:
             speed = joint.reference.velocity - joint.motion.velocity
             text = text or _violation(name, error, tolerance.position, speed, tolerance.velocity)
         if not text:
-            self.outcome = Outcome(GoalCode.SUCCESSFUL, self._note, reached=True)
+            self.outcome = GoalOutcome(GoalCode.SUCCESSFUL, self._note, reached=True)
         elif now > self.end + self._tolerances.goal_time:
             late = f"{text}, {now - self.end:.2f} s after the end of the trajectory"
-            self.outcome = Outcome(GoalCode.GOAL_TOLERANCE_VIOLATED, late)
+            self.outcome = GoalOutcome(GoalCode.GOAL_TOLERANCE_VIOLATED, late)
 
 
 def _violation(name: str, error: float, most: float, speed: float, fastest: float) -> str:

@@ -40,7 +40,7 @@ LEAST_PRESLIDING = 5e-4  # rad; the pressures cannot jump as a rigid contact doe
 
 
 @dataclass(frozen=True, slots=True)
-class DryFriction:
+class JointFriction:
     """All dry friction of one joint.
 
     Attributes
@@ -55,7 +55,7 @@ class DryFriction:
     presliding: float = LEAST_PRESLIDING
 
     @classmethod
-    def from_joint(cls, joint: RobotJoint) -> DryFriction:
+    def from_joint(cls, joint: RobotJoint) -> JointFriction:
         """Create it from the effects that the rig file names."""
         found = joint.laws(slot_kinds.DryFriction, TorqueFeedforward)
         yields = [

@@ -16,6 +16,7 @@ from pam_control.joint_models import JointModels
 from pam_control.joint_setup import JointSetup
 from pam_control.laws.law import AnyLaw
 from pam_control.references.reference_generator import ReferenceGenerator
+from pam_control.rows.muscle_table import MuscleTable
 from pam_control.settings import ControlSettings
 from pam_model.plant.compiled import for_kernel, listed, prepare
 from pam_model.views.joint_numbers import joint_numbers
@@ -54,14 +55,17 @@ class ControlCycle:
         self._joints, self._law, self._references = joints, law, references
         robot = joints[0].robot
         self._count = len(robot.muscles)
-        self._valves = PressureLoops(robot, joints, reservoir, for_kernel(joint_numbers(robot)))
+        self._table = table = MuscleTable.of(robot)
+        numbers = for_kernel(joint_numbers(robot))
+        self._valves = PressureLoops(robot, joints, table, reservoir, numbers)
         states, loops = law.init_together(joints), self._valves.loops
         self._rows = CycleRows(states[0].rows.x if law.together else new_cycle(len(states)))
         self.channels = [
-            JointChannel(models, (loops[2 * place], loops[2 * place + 1]), setup, self._rows, state)
-            for place, (models, setup, state) in enumerate(zip(joints, setups, states, strict=True))
+            JointChannel(models, (loops[first], loops[second]), setup, self._rows, state)
+            for models, (first, second), setup, state in zip(
+                joints, table.pairs, setups, states, strict=True
+            )
         ]
-        self._places = [place for models in joints for place in models.joint.muscles]
         self._sinks = False  # the air is let out slowly
         self.use(setups)
         self._compile()
@@ -69,13 +73,15 @@ class ControlCycle:
     def _compile(self) -> None:
         """Let no cycle wait for machine code."""
         rows, valves, references = self._rows, self._valves, self._references.limited_references
-        x, k, u, d = rows.x, rows.k, rows.u, valves.demands
+        x, k, u, d, pairs = rows.x, rows.k, rows.u, valves.demands, self._table.pairs
         positions = for_kernel(np.zeros(len(self.channels)))
         history, ends = references.history, references.ends
-        prepare(sense, x, k, u, d, valves.state, history, ends, positions, 0.0, 0.0, 0.0, 0.0)
-        prepare(demand, x, k, u, d, 0.0)
-        prepare(settle, x, k, u, for_kernel(np.zeros(len(d))), 0.0, False)
-        prepare(longest_delay, k, valves.state)
+        prepare(
+            sense, pairs, x, k, u, d, valves.state, history, ends, positions, 0.0, 0.0, 0.0, 0.0
+        )
+        prepare(demand, pairs, x, k, u, d, 0.0)
+        prepare(settle, pairs, x, k, u, for_kernel(np.zeros(len(d))), 0.0, False)
+        prepare(longest_delay, pairs, k, valves.state)
 
     def use(self, setups: Sequence[JointSetup]) -> None:
         """Use other settings, gains and values of the law from the next cycle on."""
@@ -96,7 +102,7 @@ class ControlCycle:
         """
         for channel in self.channels:
             channel.prepare()
-        return longest_delay(self._rows.k, self._valves.state)
+        return longest_delay(self._table.pairs, self._rows.k, self._valves.state)
 
     def commands(
         self,
@@ -123,14 +129,15 @@ class ControlCycle:
         share : float or None
             Share of the pressures that is left while the air is let out slowly [-]; None otherwise.
         """
-        rows, valves, references = self._rows, self._valves, self._references.limited_references
+        rows, valves, table = self._rows, self._valves, self._table
+        references = self._references.limited_references
         measured_at = measurement.pressure_time - settings.measurement_delay
-        valves.read([measurement.pressures[place] for place in self._places], step)
+        valves.read([measurement.pressures[place] for place in table.places], step)
         for place, learner in self._learners.items():
             learner.follow(self._references.spline(self._joints[place].name))
         sense(
-            rows.x, rows.k, rows.u, valves.demands, valves.state, references.history,
-            references.ends, for_kernel(np.array(measurement.positions)), time,
+            table.pairs, rows.x, rows.k, rows.u, valves.demands, valves.state,
+            references.history, references.ends, for_kernel(np.array(measurement.positions)), time,
             measurement.position_time, measured_at, settings.measurement_delay,
         )  # fmt: skip
         if share is not None or self._sinks:
@@ -139,13 +146,13 @@ class ControlCycle:
                 channel.sink(share)
         if share is None:
             self._plan(step, stiffnesses, torques)
-        demand(rows.x, rows.k, rows.u, valves.demands, step)
+        demand(table.pairs, rows.x, rows.k, rows.u, valves.demands, step)
         found, cut = valves.command(time - measured_at, step)
-        settle(rows.x, rows.k, rows.u, cut, step, share is not None)
+        settle(table.pairs, rows.x, rows.k, rows.u, cut, step, share is not None)
         for channel, x, k in zip(self.channels, listed(rows.x), listed(rows.k), strict=True):
             channel.tell(x, k)
         commands = [math.nan] * self._count
-        for place, command in zip(self._places, listed(found), strict=True):
+        for place, command in zip(table.places, listed(found), strict=True):
             commands[place] = command
         return commands
 

@@ -8,8 +8,8 @@ from typing import Any
 from pam_control.control_step import (
     JointTelemetry,
     LawTelemetry,
+    MeasuredMotion,
     Moment,
-    Motion,
     PlanRequest,
 )
 from pam_control.cycle.joint_cycle import (
@@ -123,10 +123,10 @@ class JointChannel:
         return self._telemetry
 
     @property
-    def motion(self) -> Motion:
+    def motion(self) -> MeasuredMotion:
         """The latest measured motion."""
         k = self._k
-        return Motion(float(k[K_POSITION]), float(k[K_VELOCITY]), float(k[K_TIME]))
+        return MeasuredMotion(float(k[K_POSITION]), float(k[K_VELOCITY]), float(k[K_TIME]))
 
     @property
     def law_state(self) -> Any:
@@ -327,7 +327,7 @@ class JointChannel:
         self._law_telemetry = None
         self._telemetry = JointTelemetry(
             JointReference(x[X_SEEN + 1], x[X_SEEN + 2], x[X_SEEN + 3]),
-            Motion(k[K_POSITION], k[K_VELOCITY], k[K_TIME]),
+            MeasuredMotion(k[K_POSITION], k[K_VELOCITY], k[K_TIME]),
             k[K_SEEN_ERROR],
             (k[K_DESIRED_A], k[K_DESIRED_B]),
             clipped,

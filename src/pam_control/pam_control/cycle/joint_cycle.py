@@ -110,15 +110,16 @@ def copy_moment(x: Any, at: int, other: int) -> None:
 
 @entry_point
 def sense(
-    x: Any, k: Any, u: Any, d: Any, v: Any, history: Any, ends: Any, positions: Any, time: float,
-    position_time: float, measured_at: float, measurement_delay: float,
+    pairs: Any, x: Any, k: Any, u: Any, d: Any, v: Any, history: Any, ends: Any, positions: Any,
+    time: float, position_time: float, measured_at: float, measurement_delay: float,
 ) -> None:  # fmt: skip
     """Write the input of all plans: moments, measured motion, output of the feedback.
 
     Parameters
     ----------
-    x, k, u, d, v, history, ends : rows
-        Cycle, state and settings of joints, demands and state of pressure loops, references.
+    pairs, x, k, u, d, v, history, ends : rows
+        Muscles of joints (`muscle_table`), cycle, state and settings of joints, demands and state
+        of pressure loops, references.
     positions : (n,) array
         Measured [rad].
     time, position_time, measured_at, measurement_delay : float
@@ -128,8 +129,8 @@ def sense(
     for i in range(len(x)):
         f, delay = K_FEEDBACK, k[i][K_DELAY]
         late = max(-delay, 0.0)
-        first = max(v[2 * i][V_DELAY] - late, 0.0)
-        second = max(v[2 * i + 1][V_DELAY] - late, 0.0)
+        a, b = pairs[i][0], pairs[i][1]
+        first, second = max(v[a][V_DELAY] - late, 0.0), max(v[b][V_DELAY] - late, 0.0)
         now_at = measured_at - u[i][U_PRESSURE_LAG] - late
         seen_at = position_time - measurement_delay - u[i][U_POSITION_DELAY] - max(delay, 0.0)
         look_up(x[i], X_NOW, now_at, history, ends, i)
@@ -151,13 +152,13 @@ def sense(
         x[i][X_OBSERVER] = k[i][K_GAINS + 4]
         x[i][X_POSITION], x[i][X_VELOCITY] = k[i][K_POSITION], k[i][K_VELOCITY]
         x[i][X_FRESH], x[i][X_MEASURED_AT] = fresh, measured_at
-        x[i][X_PRESSURE_A], x[i][X_PRESSURE_B] = d[2 * i][D_PRESSURE], d[2 * i + 1][D_PRESSURE]
+        x[i][X_PRESSURE_A], x[i][X_PRESSURE_B] = d[a][D_PRESSURE], d[b][D_PRESSURE]
         x[i][X_DESIRED_A], x[i][X_DESIRED_B] = k[i][K_DESIRED_A], k[i][K_DESIRED_B]
         k[i][K_SEEN_POSITION], k[i][K_SEEN_ERROR] = positions[i], error
 
 
 @entry_point
-def demand(x: Any, k: Any, u: Any, d: Any, step: float) -> None:
+def demand(pairs: Any, x: Any, k: Any, u: Any, d: Any, step: float) -> None:
     """Write what the pressure loops have to do for the plans of all joints."""
     for i in range(len(x)):
         k[i][K_FEEDBACK + F_INTEGRAL] = x[i][X_NEW_INTEGRAL]
@@ -169,7 +170,7 @@ def demand(x: Any, k: Any, u: Any, d: Any, step: float) -> None:
             is_limited = is_limited or desired != wanted
             k[i][K_DESIRED_A + side] = desired
             ahead = x[i][(X_ACTS_A if side == 0 else X_ACTS_B) + 1] - x[i][X_SEEN + 1]
-            row = d[2 * i + side]
+            row = d[pairs[i][side]]
             row[D_REFERENCE], row[D_RATE] = desired, x[i][X_RATE_A + side]
             row[D_AHEAD] = x[i][X_AHEAD_A + side]
             row[D_POSITION] = k[i][K_SEEN_POSITION] + ahead
@@ -178,13 +179,13 @@ def demand(x: Any, k: Any, u: Any, d: Any, step: float) -> None:
 
 
 @entry_point
-def settle(x: Any, k: Any, u: Any, cut: Any, step: float, sinks: bool) -> None:
+def settle(pairs: Any, x: Any, k: Any, u: Any, cut: Any, step: float, sinks: bool) -> None:
     """Advance the integrals of all joints after their valves were commanded.
 
     `cut` is 1 for each valve that was limited; `sinks`: the air is let out slowly.
     """
     for i in range(len(x)):
-        is_cut = cut[2 * i] + cut[2 * i + 1] > 0.0
+        is_cut = cut[pairs[i][0]] + cut[pairs[i][1]] > 0.0
         k[i][K_VALVE_LIMITED] = 1.0 if is_cut else 0.0
         # a stiffness out of reach costs no torque, so that the integrator may go on
         saturated = is_cut or k[i][K_RATE_LIMITED] > 0.0 or x[i][X_TORQUE_LIMITED] > 0.0
@@ -195,12 +196,13 @@ def settle(x: Any, k: Any, u: Any, cut: Any, step: float, sinks: bool) -> None:
 
 
 @entry_point
-def longest_delay(k: Any, v: Any) -> float:
+def longest_delay(pairs: Any, k: Any, v: Any) -> float:
     """Longest learnt delay of a command, in addition to the stated ones [s]."""
     longest = 0.0
-    for place in range(len(v)):
-        late = max(-k[place // 2][K_DELAY], 0.0)
-        longest = max(longest, v[place][V_DELAY] - late)
+    for i in range(len(k)):
+        late = max(-k[i][K_DELAY], 0.0)
+        for side in range(len(pairs[i])):
+            longest = max(longest, v[pairs[i][side]][V_DELAY] - late)
     return longest
 
 

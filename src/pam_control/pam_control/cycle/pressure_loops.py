@@ -61,6 +61,7 @@ from pam_control.rows.loop_rows import (
     N_REGULATED,
     N_SETTINGS,
     N_SHORTEST,
+    N_SIGN,
     N_STATE,
     N_THRESHOLD,
     V_CHATTERED,
@@ -75,20 +76,14 @@ from pam_control.rows.loop_rows import (
     V_SINCE,
     V_TUBE,
 )
+from pam_control.rows.muscle_table import O_JOINT, O_NUMBERS, MuscleTable
 from pam_control.settings import ControlSettings
 from pam_model.gas import GAS_CONSTANT, flow_for_pressure_rate, opening_for_flow, reference_flow
-from pam_model.physics.joint_geometry import (
-    AGONIST_SIGN,
-    ANTAGONIST_SIGN,
-    length_per_position,
-    muscle_length,
-)
+from pam_model.physics.joint_geometry import length_per_position, muscle_length
 from pam_model.plant.compiled import entry_point, for_kernel, prepare
 from pam_model.plant.composition import leak
 from pam_model.plant.control_laws import flow_opening, inverse_row, spool_position
 from pam_model.plant.layout import (
-    AGONIST,
-    ANTAGONIST,
     C_AMBIENT,
     C_DENSITY,
     C_EXPONENT,
@@ -141,7 +136,7 @@ def gas_space(
 
 
 def flow_valve(
-    m: int, sign: float, c: Any, n: Any, e: Any, g: Any, v: Any, d: Any, table: Any,
+    m: int, c: Any, n: Any, e: Any, g: Any, v: Any, d: Any, table: Any,
     supply: float, age: float, step: float,
 ) -> tuple[float, bool, float]:  # fmt: skip
     """Command of a flow valve.
@@ -150,8 +145,6 @@ def flow_valve(
     ----------
     m : int
         Where the constants of the muscle begin in those of its joint.
-    sign : float
-        Of the muscle's torque [-].
     c, n, e, g, v, d : rows
         Constants of the joint, numbers of the loop, inverses of the valve, settings, state and
         demand.
@@ -187,12 +180,12 @@ def flow_valve(
         gain *= least_share(v)
     rate = d[D_RATE] + gain * error
     absolute = max(pressure + d[D_AHEAD] + ambient, ambient)
-    length = muscle_length(c[m + M_NEUTRAL], sign, c[C_RADIUS], d[D_POSITION])
+    length = muscle_length(c[m + M_NEUTRAL], n[N_SIGN], c[C_RADIUS], d[D_POSITION])
     length = limited(length, n[N_SHORTEST], n[N_LONGEST])
     volume, by_length, by_pressure = gas_space(m, c, n, d, table, absolute - ambient, length)
     # threads and cable that stretch take gas as a larger volume does
     volume += c[C_EXPONENT] * absolute * by_pressure
-    volume_rate = by_length * length_per_position(sign, c[C_RADIUS]) * d[D_SPEED]
+    volume_rate = by_length * length_per_position(n[N_SIGN], c[C_RADIUS]) * d[D_SPEED]
     into = flow_for_pressure_rate(
         rate, absolute, volume, volume_rate, temperature=c[C_TEMPERATURE], exponent=c[C_EXPONENT]
     )
@@ -240,19 +233,19 @@ def regulator(n: Any, d: Any) -> tuple[float, bool]:
 
 
 @entry_point
-def true_pressures(c: Any, n: Any, v: Any, d: Any, shown: Any, step: float) -> None:
+def true_pressures(owners: Any, c: Any, n: Any, v: Any, d: Any, shown: Any, step: float) -> None:
     """Write the pressure in every muscle to `D_PRESSURE`, from those that the sensors show [Pa]."""
     for k in range(len(n)):
         if n[k][N_REGULATED] > 0.0:
             d[k][D_PRESSURE] = shown[k]
         else:
-            d[k][D_PRESSURE] = true_pressure(c[k // 2], n[k], v[k], shown[k], step)
+            d[k][D_PRESSURE] = true_pressure(c[owners[k][O_JOINT]], n[k], v[k], shown[k], step)
 
 
 @entry_point
 def command_valves(
-    c: Any, n: Any, e: Any, g: Any, v: Any, d: Any, supply: float, age: float, step: float,
-    commands: Any, cut: Any,
+    owners: Any, c: Any, n: Any, e: Any, g: Any, v: Any, d: Any,
+    supply: float, age: float, step: float, commands: Any, cut: Any,
 ) -> tuple[float, bool]:  # fmt: skip
     """Write the command of every valve, and whether it was limited.
 
@@ -268,10 +261,9 @@ def command_valves(
         if n[k][N_REGULATED] > 0.0:
             commands[k], is_cut = regulator(n[k], d[k])
         else:
-            m = AGONIST if k % 2 == 0 else ANTAGONIST
-            sign = AGONIST_SIGN if k % 2 == 0 else ANTAGONIST_SIGN
+            i, m = owners[k][O_JOINT], owners[k][O_NUMBERS]
             commands[k], is_cut, flow = flow_valve(
-                m, sign, c[k // 2], n[k], e[k], g[k // 2], v[k], d[k], c, supply, age, step
+                m, c[i], n[k], e[k], g[i], v[k], d[k], c, supply, age, step
             )
             drawn += max(flow, 0.0)
             is_due = is_due or v[k][V_SINCE] >= EVERY or v[k][V_CHATTERED] > 0.0
@@ -346,6 +338,8 @@ class PressureLoops:
         Gives gas, supply, valves and the constants of its joints.
     joints : sequence of JointModels
         The models of all joints.
+    table : MuscleTable
+        The muscle of each row, and its joint.
     reservoir : SupplyReservoir
         From which all valves of the robot draw.
     numbers : rows
@@ -354,21 +348,31 @@ class PressureLoops:
     Attributes
     ----------
     loops : list of MuscleLoop
-        Two for each joint.
+        One for each row.
     state, demands : rows
         `loop_rows.V_FACTOR` and its like; `loop_rows.D_REFERENCE` and its like, which have to be
         written before `command`.
     """
 
     def __init__(
-        self, robot: Robot, joints: Sequence[JointModels], reservoir: SupplyReservoir, numbers: Any
+        self,
+        robot: Robot,
+        joints: Sequence[JointModels],
+        table: MuscleTable,
+        reservoir: SupplyReservoir,
+        numbers: Any,
     ) -> None:
-        count = 2 * len(joints)
-        self._reservoir, self._constants = reservoir, numbers
-        self._muscles = [muscle for models in joints for muscle in models.muscles]
-        self._spaces = [
-            space for models in joints for space in (models.model.agonist, models.model.antagonist)
-        ]
+        count = len(table.places)
+        self._owners, self._reservoir, self._constants = table.owners, reservoir, numbers
+        self._muscles = [robot.muscles[place] for place in table.places]
+        spaces = {
+            row: space
+            for models, rows in zip(joints, table.pairs, strict=True)
+            for row, space in zip(
+                rows, (models.model.agonist, models.model.antagonist), strict=True
+            )
+        }
+        self._spaces = [spaces[row] for row in range(count)]
         self._numbers = for_kernel(np.zeros((count, N_NUMBERS)))
         self._inverses = for_kernel(
             np.array([inverse_row(robot.rig.muscles[muscle.place]) for muscle in self._muscles])
@@ -378,7 +382,7 @@ class PressureLoops:
         self.demands = for_kernel(np.zeros((count, N_DEMAND)))
         self._commands, self._cut = (for_kernel(np.zeros(count)) for _ in range(2))
         self.loops = [self._loop(robot, k, muscle) for k, muscle in enumerate(self._muscles)]
-        rows = (self._constants, self._numbers)
+        rows = (self._owners, self._constants, self._numbers)
         prepare(true_pressures, *rows, self.state, self.demands, self._commands, 0.0)
         prepare(
             command_valves, *rows, self._inverses, self._settings, self.state, self.demands,
@@ -390,9 +394,10 @@ class PressureLoops:
 
     def _loop(self, robot: Robot, k: int, muscle: RobotMuscle) -> MuscleLoop:
         """Write the numbers of a muscle, and make its loop."""
-        n, v, c = self._numbers[k], self.state[k], self._constants[k // 2]
+        n, v, c = self._numbers[k], self.state[k], self._constants[self._owners[k][O_JOINT]]
         low, high = self._spaces[k].model.length_bounds
         valve, ambient = muscle.valve, robot.gas.ambient_pressure
+        n[N_SIGN] = math.copysign(1.0, muscle.arms[0].length)
         n[N_SHORTEST], n[N_LONGEST] = low + LENGTH_EDGE, high - LENGTH_EDGE
         n[N_IN_CLOSED_FORM], n[N_DEAD] = float(is_closed_form(c)), self._spaces[k].dead_volume
         n[N_THRESHOLD] = LEAST_SHARE * muscle.max_pressure
@@ -430,7 +435,7 @@ class PressureLoops:
     def read(self, shown: Sequence[float], step: float) -> None:
         """Take what the sensors show [Pa gauge] after a step [s], and write `D_PRESSURE`."""
         true_pressures(
-            self._constants, self._numbers, self.state, self.demands,
+            self._owners, self._constants, self._numbers, self.state, self.demands,
             for_kernel(np.array(shown)), step,
         )  # fmt: skip
 
@@ -449,8 +454,9 @@ class PressureLoops:
             gas = max(float(d[D_PRESSURE] + d[D_AHEAD]), 0.0)
             d[D_VOLUME : D_BY_PRESSURE + 1] = gas_volume(space.model, gas, length)
         drawn, is_due = command_valves(
-            self._constants, self._numbers, self._inverses, self._settings, self.state,
-            self.demands, self._reservoir.pressure, age, step, self._commands, self._cut,
+            self._owners, self._constants, self._numbers, self._inverses, self._settings,
+            self.state, self.demands, self._reservoir.pressure, age, step, self._commands,
+            self._cut,
         )  # fmt: skip
         self._reservoir.draw(drawn)
         if is_due:

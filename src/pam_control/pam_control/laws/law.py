@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
 from pam_control.adaptation.rig_numbers import RigNumbers
-from pam_control.control_step import JointTelemetry, Motion, PlanRequest, PressurePlan
+from pam_control.control_step import JointTelemetry, MeasuredMotion, PlanRequest, PressurePlan
 from pam_control.declared import check_fields
 from pam_control.feedback.margins import LoopCase
 from pam_control.feedback.pid import PidGains
@@ -85,7 +85,7 @@ class GuideRequest(NamedTuple):
         Whether a stop was asked for since the joint was taken over.
     torque : float or None
         Commanded [N m]; None if no torque is commanded.
-    motion : Motion
+    motion : MeasuredMotion
         Measured in the cycle before.
     settings : ControlSettings
         Complete for this joint.
@@ -95,7 +95,7 @@ class GuideRequest(NamedTuple):
     active: bool
     held: bool
     torque: float | None
-    motion: Motion
+    motion: MeasuredMotion
     settings: ControlSettings
 
 

@@ -65,7 +65,7 @@ CORRECTED_EVERY: Final = 0.2  # s
 CORRECTED_SHARE: Final = 0.2  # of what lacks, each time
 
 
-class Correction(NamedTuple):
+class StiffnessCorrection(NamedTuple):
     """The correction of the commanded stiffness by what was learnt.
 
     Attributes
@@ -81,7 +81,7 @@ class Correction(NamedTuple):
     at: float = -math.inf
 
 
-NONE: Final = Correction()
+NONE: Final = StiffnessCorrection()
 
 
 class PositionStiffnessState(NamedTuple):
@@ -93,13 +93,13 @@ class PositionStiffnessState(NamedTuple):
         The numbers of the cycle and what is learnt; they are changed in place, by this law alone.
     place : int
         Of the joint in the rows.
-    correction : Correction
+    correction : StiffnessCorrection
         Of the stiffness.
     """
 
     rows: PositionRows
     place: int = 0
-    correction: Correction = NONE
+    correction: StiffnessCorrection = NONE
 
     @property
     def x(self) -> Any:
@@ -307,7 +307,9 @@ class PositionStiffness(Law[PositionStiffnessState]):
         return state.estimates.stiffness.numbers()
 
 
-def _corrected(models: JointModels, state: PositionStiffnessState, stiffness: float) -> Correction:
+def _corrected(
+    models: JointModels, state: PositionStiffnessState, stiffness: float
+) -> StiffnessCorrection:
     """The correction of the commanded stiffness [N m/rad], by what was learnt."""
     correction, x = state.correction, state.x
     acts_at = max(float(x[X_ACTS_A]), float(x[X_ACTS_B]))
@@ -320,4 +322,4 @@ def _corrected(models: JointModels, state: PositionStiffnessState, stiffness: fl
         (there.agonist, there.antagonist), middle, correction.goal
     )
     factor = correction.factor + CORRECTED_SHARE * (goal - correction.factor)
-    return Correction(goal, factor, acts_at)
+    return StiffnessCorrection(goal, factor, acts_at)

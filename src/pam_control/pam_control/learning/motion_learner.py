@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 
-from pam_control.learning.repeated_motion import FADE, TAIL, Recording, RepeatedMotion
+from pam_control.learning.repeated_motion import FADE, TAIL, RepeatedMotion, RepetitionRecord
 from pam_control.references.spline import JointSpline
 
 _WORKER = ThreadPoolExecutor(1, thread_name_prefix="learning")
@@ -32,7 +32,7 @@ class MotionLearner:
         self.motion, self._learnt = motion, learnt
         self._spline: JointSpline | None = None
         self._refused: JointSpline | None = None
-        self._recording: Recording | None = None
+        self._recording: RepetitionRecord | None = None
         self._future: Future[None] | None = None
 
     def wait(self) -> None:
@@ -61,7 +61,7 @@ class MotionLearner:
             self._spline = None
             self._refused = spline
             return
-        self._recording = Recording()
+        self._recording = RepetitionRecord()
 
     def torque(self, time: float, usual: float) -> tuple[float, float]:
         """Base and correction [N m] at a time [s].
@@ -102,6 +102,6 @@ class MotionLearner:
             self._recording = None
             self._future = _WORKER.submit(self._take, recording)
 
-    def _take(self, recording: Recording) -> None:
+    def _take(self, recording: RepetitionRecord) -> None:
         self.motion.take(recording)
         self._learnt()

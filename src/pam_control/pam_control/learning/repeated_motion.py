@@ -77,7 +77,7 @@ class Learnt:
 
 
 @dataclass(slots=True)
-class Recording:
+class RepetitionRecord:
     """One repetition while it runs: times since its start [s], and values at these times."""
 
     times: list[float] = field(default_factory=list)
@@ -159,7 +159,7 @@ class RepeatedMotion:
         index = max(0, min(round(since / self._period), self.played.base.size - 1))
         return float(self.played.base[index]), float(self.played.correction[index])
 
-    def take(self, recording: Recording) -> None:
+    def take(self, recording: RepetitionRecord) -> None:
         """Learn from a complete repetition."""
         sampled = recording.sampled(self._period)
         if sampled is None:

@@ -1,6 +1,6 @@
 """The rows of numbers that the compiled pressure loops of all muscles work with.
 
-One row for each muscle: first agonist and antagonist of the first joint, then of the next one.
+One row for each muscle, in the order of `muscle_table`.
 """
 
 from __future__ import annotations
@@ -9,13 +9,13 @@ from typing import Final
 
 # numbers: they stay the same
 (N_FULL, N_PER_PRESSURE, N_PER_SQUARE, N_THRESHOLD, N_LAG, N_SHORTEST, N_LONGEST, N_CONDUCTANCE,
- N_CRITICAL, N_DEAD, N_REGULATED, N_MOST, N_IN_CLOSED_FORM) = range(13)  # fmt: skip
-N_NUMBERS: Final = 13
+ N_CRITICAL, N_DEAD, N_REGULATED, N_MOST, N_IN_CLOSED_FORM, N_SIGN) = range(14)  # fmt: skip
+N_NUMBERS: Final = 14
 """Flow of the open valve from the supply [kg/s]; the same per pressure of the supply [kg/(s Pa)];
 loss of a tube per square of the flow, see `TubeSearch`; least half wave that counts [Pa]; lag of
 the valve [s]; range of the force model's lengths [m]; conductance [m^3/(s Pa)] and critical ratio
 [-] of the valve; dead volume [m^3]; whether it is a pressure regulator, and its largest command
-[Pa]; whether the gas volume follows from the joint's numbers."""
+[Pa]; whether the gas volume follows from the joint's numbers; sign of its torque."""
 
 # settings of a joint: they change with the settings of the controller
 G_GAIN, G_LEAD_RATIO, G_SPOOL_LIMIT, G_ADAPTS, G_ACTS = range(5)

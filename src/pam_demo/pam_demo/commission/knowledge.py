@@ -15,7 +15,7 @@ from typing import Final
 from pam_gap.answer.improved_rig import with_number
 from pam_gap.calibration.calibration import KEPT, CalibratedNumber
 from pam_gap.calibration.calibration_rules import CalibrationRules
-from pam_gap.calibration.free_numbers import STATICS, FreeNumber, Said, free_numbers
+from pam_gap.calibration.free_numbers import STATICS, FreeRigNumber, Said, free_numbers
 from pam_model.joints.antagonistic_joint import AntagonisticJoint
 from pam_model.plant.parameters import NAMES, PlantParameters
 from pam_model.rig import Rig
@@ -80,7 +80,7 @@ def as_written(partial: PartialRig, said: Said, rules: CalibrationRules) -> tupl
     return tuple(known)
 
 
-def _numbers(partial: PartialRig, said: Said, rules: CalibrationRules) -> list[FreeNumber]:
+def _numbers(partial: PartialRig, said: Said, rules: CalibrationRules) -> list[FreeRigNumber]:
     start: Mapping[str, float] = dict(
         zip(NAMES, PlantParameters.from_rig(partial.rig).values.tolist(), strict=True)
     )

@@ -22,9 +22,9 @@ import numpy.typing as npt
 from scipy.linalg import hadamard
 
 from pam_demo.commission.knowledge import Known
-from pam_demo.commission.motion_loop import Lowering, MotionLoop
-from pam_demo.commission.motions import Motion, Scale
-from pam_demo.commission.robot_port import Reading
+from pam_demo.commission.motion_loop import MotionLoop, PressureRelease
+from pam_demo.commission.motions import SampledMotion, Scale
+from pam_demo.commission.robot_port import JointReading
 from pam_demo.commission.watch import Limits, Seen, watched
 from pam_gap.answer.improved_rig import with_number
 from pam_model.joints.antagonistic_joint import AntagonisticJoint
@@ -89,7 +89,7 @@ class Permitted:
 def foreseen(
     rig: Rig,
     changes: Mapping[str, float],
-    motion: Motion,
+    motion: SampledMotion,
     scale: Scale,
     limits: Limits,
     period: float = PERIOD,
@@ -102,7 +102,7 @@ def foreseen(
         With one joint, by which the loop is made.
     changes : mapping of str to float
         Plant parameters of the robot.
-    motion, scale, limits : Motion, Scale, Limits
+    motion, scale, limits : SampledMotion, Scale, Limits
         What is played.
     period : float
         Of the loop [s].
@@ -112,10 +112,10 @@ def foreseen(
     motion = motion.every(max(round(period / motion.period), 1))
     loop = MotionLoop(rig, motion, scale)
     output = plant.output
-    reading = Reading(0.0, output["position"], (0.0, 0.0))
+    reading = JointReading(0.0, output["position"], (0.0, 0.0))
     state, seen = loop.init(reading.position), Seen()
     most = np.zeros(3)
-    lowering: Lowering | None = None
+    lowering: PressureRelease | None = None
     for k in itertools.count():
         seen, _ = watched(seen, reading, limits)
         if k * motion.period > SPEED_FILTER_WARM:
@@ -124,7 +124,7 @@ def foreseen(
         if k < motion.level.size:
             commands, state = loop.step(state, k, reading)
         else:
-            lowering = lowering or Lowering(loop.pressures, reading.pressures, motion.period)
+            lowering = lowering or PressureRelease(loop.pressures, reading.pressures, motion.period)
             following = lowering.commands(reading.pressures)
             if following is None:
                 break
@@ -132,7 +132,7 @@ def foreseen(
         position, *pressures = plant.step(commands, motion.period)
         if not math.isfinite(position):
             return Foreseen(math.inf, math.inf, math.inf)
-        reading = Reading((k + 1) * motion.period, position, (pressures[0], pressures[1]))
+        reading = JointReading((k + 1) * motion.period, position, (pressures[0], pressures[1]))
     return Foreseen(*most.tolist())
 
 
@@ -181,7 +181,7 @@ def reaching(rig: Rig, known: Sequence[Known], robot: Mapping[str, float]) -> di
 
 
 def least_favourable(
-    rig: Rig, known: Sequence[Known], motion: Motion, scale: Scale, limits: Limits
+    rig: Rig, known: Sequence[Known], motion: SampledMotion, scale: Scale, limits: Limits
 ) -> tuple[Mapping[str, float], ...]:
     """The robots within the intervals on which a motion comes nearest to the limits.
 
@@ -215,7 +215,7 @@ def least_favourable(
 def permitted(
     rig: Rig,
     robots: Sequence[Mapping[str, float]],
-    motion: Motion,
+    motion: SampledMotion,
     scale: Scale,
     limits: Limits,
     simulate: Callable[..., Foreseen] = foreseen,

@@ -12,8 +12,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
-from pam_demo.commission.motions import FILL, REST, Motion, Scale
-from pam_demo.commission.robot_port import Reading
+from pam_demo.commission.motions import FILL, REST, SampledMotion, Scale
+from pam_demo.commission.robot_port import JointReading
 from pam_gap.experiments.loop import PressureLoop
 from pam_model.errors import PamError
 from pam_model.joints.antagonistic_joint import AntagonisticJoint
@@ -96,13 +96,13 @@ class MotionLoop:
     ----------
     rig : Rig
         With one joint.
-    motion : Motion
+    motion : SampledMotion
         What is played.
     scale : Scale
         Of the rig.
     """
 
-    def __init__(self, rig: Rig, motion: Motion, scale: Scale) -> None:
+    def __init__(self, rig: Rig, motion: SampledMotion, scale: Scale) -> None:
         self.pressures = PressureLoop(rig, 0, BANDWIDTH)
         self.motion = motion
         self._scale = scale
@@ -115,7 +115,7 @@ class MotionLoop:
         return LoopState(0.0, position, position, 0.0)
 
     def step(
-        self, state: LoopState, k: int, reading: Reading
+        self, state: LoopState, k: int, reading: JointReading
     ) -> tuple[tuple[float, float], LoopState]:
         """Valve commands of sample `k`, and the state after it."""
         motion, scale = self.motion, self._scale
@@ -144,7 +144,7 @@ class MotionLoop:
         return commands, LoopState(ratio, state.start, reading.position, speed)
 
 
-class Lowering:
+class PressureRelease:
     """Lets the air out slowly: the pressures of both muscles sink in proportion.
 
     A muscle whose valve is slower than the other's would turn the joint in the end. Therefore the

@@ -29,7 +29,7 @@ DWELL: Final = 2.0  # s, from the begin of one stair to that of the next
 
 
 @dataclass(frozen=True, slots=True)
-class Motion:
+class SampledMotion:
     """One motion, sampled.
 
     Attributes
@@ -61,18 +61,18 @@ class Motion:
         """[s]."""
         return self.period * self.level.size
 
-    def smaller(self, share: float) -> Motion:
+    def smaller(self, share: float) -> SampledMotion:
         """The motion with its wave and its way from the first reference reduced to a share."""
         middle = self.position[0]
         position = middle + share * (self.position - middle)
         return replace(self, position=position, wave=share * self.wave)
 
-    def gentler(self, pace: float) -> Motion:
+    def gentler(self, pace: float) -> SampledMotion:
         """The motion with a slower loop, which swings less, and with less co-contraction."""
         level = (1.0 - LEVEL_OF_PACE * (1.0 - pace)) * self.level
         return replace(self, bandwidth=pace * self.bandwidth, level=level)
 
-    def every(self, count: int) -> Motion:
+    def every(self, count: int) -> SampledMotion:
         """The motion with one sample in `count`."""
         return replace(
             self, period=count * self.period, level=self.level[::count],
@@ -122,24 +122,24 @@ def _levels(time: Array, knots: Sequence[tuple[float, float]], move: float) -> A
     return result
 
 
-def filling(scale: Scale) -> Motion:
+def filling(scale: Scale) -> SampledMotion:
     """Fill both muscles slowly to a low pressure, and empty them."""
     time = _time(scale, 3.0)
-    return Motion(
+    return SampledMotion(
         "filling", "fill both muscles slowly to a low pressure, and hold the joint",
         scale.period, scale.highest * _levels(time, [(0.0, 0.12)], 1.0),
         np.full(time.size, scale.middle), np.zeros(time.size), 1.5,
     )  # fmt: skip
 
 
-def staircase(scale: Scale) -> Motion:
+def staircase(scale: Scale) -> SampledMotion:
     """Hold small steps of the angle at two levels of co-contraction."""
     stairs = (0.3, 0.6, 0.3, 0.0, -0.3, -0.6, -0.3, 0.0)
     start = REST + FILL
     knots = [(0.0, 0.0)] + [(start + i * DWELL, s) for i, s in enumerate((*stairs, *stairs))]
     time = _time(scale, DWELL * 2 * len(stairs) + MOVE)
     levels = [(0.0, 0.2), (start + DWELL * len(stairs), 0.4)]
-    return Motion(
+    return SampledMotion(
         "staircase", "hold small steps of the angle at two levels of co-contraction",
         scale.period, scale.highest * _levels(time, levels, MOVE),
         scale.middle + scale.reach * smooth_path(time, knots, MOVE), np.zeros(time.size), 1.5,
@@ -161,7 +161,7 @@ def _wave(random: np.random.Generator, time: Array, fastest: float) -> Array:
     return mixed
 
 
-def steps(scale: Scale, name: str, share: float, moving: float, seed: int) -> Motion:
+def steps(scale: Scale, name: str, share: float, moving: float, seed: int) -> SampledMotion:
     """Random steps and sines of the pressure difference at several levels of co-contraction.
 
     Parameters
@@ -189,7 +189,7 @@ def steps(scale: Scale, name: str, share: float, moving: float, seed: int) -> Mo
         (start + moving - time) / 0.5, 0.0, 1.0
     )
     wave = share * scale.reach * scale.per_rad * gate * _wave(random, time, 2.5) * level
-    return Motion(
+    return SampledMotion(
         name, "random steps and sines of the pressures, at several levels of co-contraction",
         scale.period, scale.highest * level, np.full(time.size, scale.middle),
         scale.highest * wave, 0.7,

@@ -14,9 +14,9 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
-from pam_demo.commission.motion_loop import BANDWIDTH, Lowering, MotionLoop
-from pam_demo.commission.motions import Motion, Scale
-from pam_demo.commission.robot_port import Reading, RobotPort
+from pam_demo.commission.motion_loop import BANDWIDTH, MotionLoop, PressureRelease
+from pam_demo.commission.motions import SampledMotion, Scale
+from pam_demo.commission.robot_port import JointReading, RobotPort
 from pam_demo.commission.watch import Limits, Seen, watched
 from pam_driver.safety.start_up_check import NOT_EMPTY, StartUpCheck
 from pam_gap.experiments.loop import PressureLoop
@@ -42,7 +42,7 @@ class Log:
     rig: Rig
     rows: list[tuple[float, ...]] = field(default_factory=list)
 
-    def add(self, reading: Reading, commands: Sequence[float]) -> None:
+    def add(self, reading: JointReading, commands: Sequence[float]) -> None:
         """Add a reading, and the commands that hold from then on."""
         self.rows.append((reading.time, reading.position, *reading.pressures, *commands))
 
@@ -85,7 +85,7 @@ def vented(rig: Rig) -> tuple[float, float]:
     return first, second
 
 
-def first_reading(port: RobotPort, commands: Sequence[float]) -> Reading:
+def first_reading(port: RobotPort, commands: Sequence[float]) -> JointReading:
     """A reading that is known, if there is one within `WAKING`.
 
     While numbers are identified the process has other work, and its first measurement may be old.
@@ -167,9 +167,9 @@ def rest(port: RobotPort, rig: Rig, duration: float) -> None:
         port.advance(commands)
 
 
-def lower(port: RobotPort, rig: Rig, reading: Reading, log: Log) -> None:
+def lower(port: RobotPort, rig: Rig, reading: JointReading, log: Log) -> None:
     """Let the air out slowly from the present pressures, then vent."""
-    lowering = Lowering(PressureLoop(rig, 0, BANDWIDTH), reading.pressures, port.period)
+    lowering = PressureRelease(PressureLoop(rig, 0, BANDWIDTH), reading.pressures, port.period)
     while all(map(math.isfinite, reading.pressures)):
         commands = lowering.commands(reading.pressures)
         if commands is None:
@@ -181,7 +181,7 @@ def lower(port: RobotPort, rig: Rig, reading: Reading, log: Log) -> None:
         log.add(port.advance(commands), commands)
 
 
-def play(port: RobotPort, rig: Rig, motion: Motion, scale: Scale, limits: Limits) -> Played:
+def play(port: RobotPort, rig: Rig, motion: SampledMotion, scale: Scale, limits: Limits) -> Played:
     """Play a motion and record it; a watch may end it.
 
     Parameters
@@ -190,7 +190,7 @@ def play(port: RobotPort, rig: Rig, motion: Motion, scale: Scale, limits: Limits
         The robot; its muscles are empty.
     rig : Rig
         With one joint, by which the loop is made.
-    motion, scale, limits : Motion, Scale, Limits
+    motion, scale, limits : SampledMotion, Scale, Limits
         What is played. Whatever ends it, the air is let out slowly.
     """
     loop, log = MotionLoop(rig, motion, scale), Log(rig)

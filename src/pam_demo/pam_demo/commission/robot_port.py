@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import NamedTuple, Protocol
 
 
-class Reading(NamedTuple):
+class JointReading(NamedTuple):
     """What the sensors of one joint showed.
 
     Attributes
@@ -43,7 +43,7 @@ class RobotPort(Protocol):
     measurement_delay: float
     command_delay: float
 
-    def advance(self, commands: Sequence[float]) -> Reading:
+    def advance(self, commands: Sequence[float]) -> JointReading:
         """Send the commands of both valves, and return the readings of this period.
 
         Parameters

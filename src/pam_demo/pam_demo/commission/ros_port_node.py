@@ -20,7 +20,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 
-from pam_demo.commission.robot_port import Reading
+from pam_demo.commission.robot_port import JointReading
 from pam_model.errors import PamError
 from pam_model.rig import Rig
 from pam_ros.node_end import end_node
@@ -92,15 +92,15 @@ class RosPortNode(Node):  # type: ignore[misc]
         message.header.stamp = self.get_clock().now().to_msg()
         self._publisher.publish(message)
 
-    def _reading(self) -> Reading:
+    def _reading(self) -> JointReading:
         now = time.monotonic()
         fresh = now - min(self._position_at, self._pressures_at) < MAX_AGE
         pressures = [self._pressures.get(name, math.nan) for name in self._muscles]
         if not fresh:
-            return Reading(now, math.nan, (math.nan, math.nan))
-        return Reading(now, self._position, (float(pressures[0]), float(pressures[1])))
+            return JointReading(now, math.nan, (math.nan, math.nan))
+        return JointReading(now, self._position, (float(pressures[0]), float(pressures[1])))
 
-    def advance(self, commands: Sequence[float]) -> Reading:
+    def advance(self, commands: Sequence[float]) -> JointReading:
         """As of every `RobotPort`: sends the commands in the next turn of the loop.
 
         Raises

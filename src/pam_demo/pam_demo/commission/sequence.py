@@ -26,7 +26,7 @@ from pam_demo.commission.knowledge import (
 )
 from pam_demo.commission.least_favourable import Permitted, least_favourable, permitted
 from pam_demo.commission.motion_loop import scale_of
-from pam_demo.commission.motions import Motion, Scale, filling, staircase, steps
+from pam_demo.commission.motions import SampledMotion, Scale, filling, staircase, steps
 from pam_demo.commission.play import play, start_up_check, touch
 from pam_demo.commission.robot_port import RobotPort
 from pam_demo.commission.simulated_port import SimulatedPort
@@ -66,7 +66,7 @@ TRACKING_SHARES: Final = (0.9, 0.6, 0.9)
 
 
 @dataclass(slots=True)
-class Step:
+class SequenceStep:
     """One motion of the sequence, as it was played.
 
     Attributes
@@ -99,7 +99,7 @@ class Commissioned:
         The identified rig of the joint; None if the sequence was ended.
     ended : str
         Why it was ended; empty if it was not.
-    steps : list of Step
+    steps : list of SequenceStep
         The motions.
     calibration : Calibration or None
         The last identification.
@@ -115,7 +115,7 @@ class Commissioned:
 
     rig: Rig | None = None
     ended: str = ""
-    steps: list[Step] = field(default_factory=list)
+    steps: list[SequenceStep] = field(default_factory=list)
     calibration: Calibration | None = None
     points: Sequence[TrajectoryPoint] = ()
     before: Tracked | None = None
@@ -210,7 +210,7 @@ class Commissioning:
         self.kept.check()
         return rig, known
 
-    def _made(self, name: str, scale: Scale) -> Motion:
+    def _made(self, name: str, scale: Scale) -> SampledMotion:
         return {
             "filling": lambda: filling(scale),
             "staircase": lambda: staircase(scale),
@@ -242,7 +242,7 @@ class Commissioning:
         return found
 
     def _play(
-        self, motion: Motion, allowed: Permitted, rig: Rig, scale: Scale, limits: Limits
+        self, motion: SampledMotion, allowed: Permitted, rig: Rig, scale: Scale, limits: Limits
     ) -> pd.DataFrame:
         worst = allowed.worst
         if allowed.share < LEAST_SHARE:
@@ -264,7 +264,9 @@ class Commissioning:
         pressure, speed, place = played.most
         most = (pressure, speed * watched.speed / limits.speed, place)
         expected = (worst.pressure, worst.speed, worst.distance)
-        self.result.steps.append(Step(motion.name, motion.title, allowed.share, expected, most))
+        self.result.steps.append(
+            SequenceStep(motion.name, motion.title, allowed.share, expected, most)
+        )
         if played.stopped:
             self.kept.failed(motion.name, played.table)
             raise EndedError(f"{motion.name}: {played.stopped}; the air was let out slowly.")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from pam_demo.commission.robot_port import Reading
+from pam_demo.commission.robot_port import JointReading
 from pam_model.plant.parameters import PlantParameters
 from pam_model.plant.simulate import Plant, vented_state
 from pam_model.rig import Rig
@@ -37,10 +37,10 @@ class SimulatedPort:
         self._shown = (self._plant.output["position"], 0.0, 0.0)
         self._count = 0
 
-    def advance(self, commands: Sequence[float]) -> Reading:
+    def advance(self, commands: Sequence[float]) -> JointReading:
         """As of every `RobotPort`."""
         position, first, second = self._shown
-        reading = Reading(self._count * self.period, position, (first, second))
+        reading = JointReading(self._count * self.period, position, (first, second))
         self._shown = self._plant.step(commands, self.period)
         self._count += 1
         return reading

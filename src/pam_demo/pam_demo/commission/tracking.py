@@ -20,7 +20,7 @@ from pam_control.lowering import LoweringPhase
 from pam_control.references.trajectory import CommandError, TrajectoryPoint
 from pam_control.settings import ControlSettings
 from pam_demo.commission.play import EMPTY, Log, first_reading, lower, rest, vented
-from pam_demo.commission.robot_port import Reading, RobotPort
+from pam_demo.commission.robot_port import JointReading, RobotPort
 from pam_demo.commission.watch import Limits, Seen, watched
 from pam_model.errors import PamError
 from pam_model.rig import Rig
@@ -201,7 +201,7 @@ def _follow(
     return ""
 
 
-def _lower_by(port: RobotPort, controller: Controller, reading: Reading) -> None:
+def _lower_by(port: RobotPort, controller: Controller, reading: JointReading) -> None:
     """Lower the joint by the controller, then vent."""
     begin = reading.time
     controller.lower(begin)

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-from pam_demo.commission.robot_port import Reading
+from pam_demo.commission.robot_port import JointReading
 from pam_model.rig import Rig
 
 FILTER: Final = 0.02  # s, of the measured speed
@@ -60,14 +60,14 @@ class Seen(NamedTuple):
     speed: float = 0.0
 
 
-def watched(seen: Seen, reading: Reading, limits: Limits) -> tuple[Seen, str]:
+def watched(seen: Seen, reading: JointReading, limits: Limits) -> tuple[Seen, str]:
     """What is remembered after a reading, and why the motion must end; empty if it need not.
 
     Parameters
     ----------
     seen : Seen
         What was remembered before.
-    reading : Reading
+    reading : JointReading
         What the sensors showed.
     limits : Limits
         Of the joint.

@@ -25,10 +25,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, Protocol, runtime_checkable
 
 from pam_driver.boards.frame_errors import FrameError
-from pam_model.rig import Joint, Muscle
 
 if TYPE_CHECKING:
     from pam_driver.boards.availability import Availability
+    from pam_model.rig import Joint, Muscle
 
 NEVER: Final = -math.inf
 EMERGENCY_STOP: Final = "emergency_stop"

@@ -18,7 +18,8 @@ from typing import Any, Final
 import can
 from can.interfaces.udp_multicast import UdpMulticastBus
 
-from pam_driver.can_bus.bus_opening import DEFAULT_BITRATE, BusError, bus_name, open_can_bus
+from pam_driver.can_bus.bitrate import DEFAULT_BITRATE
+from pam_driver.can_bus.bus_opening import BusError, bus_name, open_can_bus
 from pam_driver.can_bus.identifiers import EXTENDED, FD, number_of
 from pam_driver.can_bus.multicast_socket import ReceivedFrame, multicast_socket
 

@@ -11,9 +11,9 @@ from typing import Any, Final
 
 import can
 
+from pam_driver.can_bus.bitrate import DEFAULT_BITRATE
 from pam_model.errors import PamError
 
-DEFAULT_BITRATE: Final = 1_000_000
 _ARPHRD_CAN: Final = 280
 _CAN_FD_MTU: Final = 72
 _NET: Final = Path("/sys/class/net")

@@ -119,7 +119,7 @@ def _share(rate: float, first: float, second: float) -> tuple[float, float]:
     return (one, MOST_OPEN) if one <= MOST_OPEN else (MOST_OPEN, other)
 
 
-class Lowering:
+class LoweringSetpoints:
     """Set points that lower all joints of a rig and empty all muscles; never lets air in.
 
     Parameters

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from pam_driver.boards.protocol import (
     EMERGENCY_STOP,
@@ -34,7 +34,9 @@ from pam_driver.boards.protocol import (
 )
 from pam_driver.safety.since_judged import SinceJudged
 from pam_model.errors import RigError
-from pam_model.rig import People
+
+if TYPE_CHECKING:
+    from pam_model.rig import People
 
 FULL_SPEED: Final = "full_speed"
 """The name of the input that permits full speed."""

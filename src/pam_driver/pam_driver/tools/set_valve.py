@@ -29,7 +29,7 @@ _EMPTYING: Final = 1.0  # s, during which set points that vent are sent at the e
 _LINE_PERIOD: Final = 0.2  # s
 
 
-class Course(NamedTuple):
+class PressureCourse(NamedTuple):
     """What happened: pressures before, highest and at the end [Pa gauge]; why it ended early."""
 
     before: float
@@ -106,7 +106,7 @@ class ValveTrial:
             if now > end:
                 raise PamError(wrong or f"{self._wire.muscle.name}: no pressure is received")
 
-    def hold(self, fraction: float, seconds: float) -> Course:
+    def hold(self, fraction: float, seconds: float) -> PressureCourse:
         """Follow a set point, as a fraction of full scale, for so many seconds."""
         setpoints = list(self._vented)
         setpoints[self._wire.place] = fraction
@@ -128,7 +128,7 @@ class ValveTrial:
             if now >= line_at:
                 line_at += _LINE_PERIOD
                 print(f"{now - start:5.1f} s  {pressure / 1e3:7.1f} kPa", file=sys.stderr)
-        return Course(before, highest, last, stopped)
+        return PressureCourse(before, highest, last, stopped)
 
     def vent(self) -> None:
         """Vent all valves, and repeat the command for a moment."""

@@ -125,6 +125,11 @@ class Diagnosis:
     ordinary : tuple of str
         Effects that the chosen hypothesis contains but that are no larger than on an ordinary good
         rig. They belong to the background and are not named.
+    withheld : str
+        What was withheld from the fits whose errors are told, in words.
+    at_the_end : tuple of str
+        Effects that also explain most of the gap, with a size at the end of the range that is
+        searched; with more of them they might explain as much as those that are named.
     """
 
     verdict: str
@@ -154,6 +159,8 @@ class Diagnosis:
     material_share: float = 0.0
     unexplained_share: float = 0.0
     ordinary: tuple[str, ...] = ()
+    withheld: str = ""
+    at_the_end: tuple[str, ...] = ()
     improved: Rig | None = None
     retuned: Rig | None = None
     survivors: tuple[Hypothesis, ...] = ()
@@ -221,6 +228,8 @@ class Diagnosis:
             "closed": None if self.closed is None else _interval(self.closed),
             "probabilities": dict(self.probabilities),
             "cause_probabilities": self.cause_probabilities,
+            "withheld": self.withheld,
+            "at_the_end_of_their_range": list(self.at_the_end),
             "next_experiment": self.next_experiment,
             "sentence": self.sentence,
             "joint": self.joint,

@@ -37,7 +37,11 @@ def _capital(text: str) -> str:
 
 def _explaining(diagnosis: Diagnosis, causes: str) -> str:
     amount = how_much(diagnosis)
-    return _capital(f"{causes}: {amount}" if amount else causes)
+    others = " or ".join(spoken(effect) for effect in diagnosis.at_the_end)
+    beside = (
+        f"; {others}, at the end of the range searched, might explain as much" if others else ""
+    )
+    return _capital((f"{causes}: {amount}" if amount else causes) + beside)
 
 
 def _alternatives(diagnosis: Diagnosis) -> str:

@@ -18,7 +18,7 @@ from pam_gap.answer.headline import LEAST_SHOWN, marginals
 from pam_gap.answer.page_style import STYLE, VERDICT_COLOURS, VERDICT_WORDS
 from pam_gap.answer.report_figures import (
     RankedCandidate,
-    StageGap,
+    StageBar,
     draw_ranking,
     draw_shrinkage,
     draw_stages,
@@ -37,7 +37,7 @@ from pam_gap.answer.user_units import percent, spoken, told
 from pam_model.effects import EFFECTS
 from pam_ros.missing_packages import what_to_install
 
-__all__ = ["RankedCandidate", "ReportData", "StageGap", "Trace", "render", "write_report"]
+__all__ = ["RankedCandidate", "ReportData", "StageBar", "Trace", "render", "write_report"]
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class ReportData:
     verdict_sentence: str
     diagnosis: Mapping[str, Any]
     """The content of diagnosis.json."""
-    stages: Sequence[StageGap]
+    stages: Sequence[StageBar]
     regimes: Sequence[tuple[str, float]]
     """Regime of the motion, and its squared error relative to the average."""
     traces: Sequence[Trace]

@@ -44,7 +44,7 @@ class RankedCandidate:
 
 
 @dataclass(frozen=True)
-class StageGap:
+class StageBar:
     """RMS error over floor of a stage that is simulated from its measured inputs."""
 
     stage: str
@@ -60,7 +60,7 @@ def _svg(figure: Figure) -> str:
     return "data:image/svg+xml;base64," + base64.b64encode(text.encode()).decode()
 
 
-def draw_stages(stages: Sequence[StageGap], blamed: Collection[str]) -> str:
+def draw_stages(stages: Sequence[StageBar], blamed: Collection[str]) -> str:
     """Draw the chain of stages, each with its gap over floor; only the blamed are coloured."""
     figure, axis = plt.subplots(figsize=(9.5, 1.9), layout="constrained")
     axis.set_xlim(0, len(STAGES) * 2.4)

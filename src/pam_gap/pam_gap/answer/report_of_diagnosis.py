@@ -6,7 +6,7 @@ import numpy as np
 
 from pam_gap.answer.diagnosis import Diagnosis
 from pam_gap.answer.headline import headline
-from pam_gap.answer.report import RankedCandidate, ReportData, StageGap
+from pam_gap.answer.report import RankedCandidate, ReportData, StageBar
 from pam_gap.answer.traces import RETUNED, WITH_ANSWER, Trace
 from pam_gap.answer.user_units import plain
 from pam_gap.prediction.channel_order import UNITS
@@ -59,11 +59,11 @@ def report_data(problem: PredictionProblem, diagnosis: Diagnosis, improved_name:
     """The content of the report page for a diagnosis."""
     location = diagnosis.location
     stages = [] if location is None else list(location.stages)
-    shown = [StageGap(s.stage, s.gap_over_floor, s.note) for s in stages]
+    shown = [StageBar(s.stage, s.gap_over_floor, s.note) for s in stages]
     if location is not None and location.delays:
         late = "; ".join(f"{name} {_delay(delay)}" for name, delay in location.delays)
         words = f"{late}, against the re-tuned rig file; friction and lag shift signals too"
-        shown.append(StageGap("sensing", None, words))
+        shown.append(StageBar("sensing", None, words))
     return ReportData(
         title=f"Diagnosis of {diagnosis.joint}",
         headline=headline(diagnosis),

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from pam_gap.answer.diagnosis import Diagnosis
 from pam_gap.answer.user_units import interval_digits, percent, plain, spoken, told, user_unit
+from pam_gap.inference.held_out import OTHER_LENGTHS
 from pam_gap.prediction.materiality import GapSize
 from pam_model.effects import EFFECTS
 
@@ -83,7 +84,8 @@ def how_much(diagnosis: Diagnosis) -> str:
     if size is None or size.before <= 0.0:
         return ""
     error = f"{told(size.before, size.unit)} at {size.channel}"
-    return f"{percent(size.explained)} of an error of {error}"
+    where = " at lengths that were not fitted" if diagnosis.withheld == OTHER_LENGTHS else ""
+    return f"{percent(size.explained)} of an error of {error}{where}"
 
 
 def what_is_left(diagnosis: Diagnosis) -> str:
@@ -173,6 +175,11 @@ def sizes_at_the_end(found: SizesAtTheEnd) -> tuple[str, ...]:
     )
 
 
+def effects_at_the_end(rivals: Sequence[SizesAtTheEnd]) -> tuple[str, ...]:
+    """The effects of these explanations, each once, the one that explains most first."""
+    return tuple(dict.fromkeys(effect for one in rivals for effect, *_ in one))[:MOST_RIVALS]
+
+
 def rivals_at_the_end(rivals: Sequence[SizesAtTheEnd]) -> tuple[str, ...]:
     """A caution for other explanations whose sizes are at the end of the range searched.
 
@@ -189,8 +196,8 @@ def rivals_at_the_end(rivals: Sequence[SizesAtTheEnd]) -> tuple[str, ...]:
         return ()
     return (
         f"Explanations with {_listed(told_sizes)} also remove most of the gap, and end at the end "
-        "of the range that is searched. With more of it they might explain as much; the "
-        "probabilities do not know that.",
+        "of the range that is searched. With more of it they might explain as much, which "
+        "lowers the probability of the others.",
     )
 
 

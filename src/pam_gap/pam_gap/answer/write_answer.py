@@ -26,9 +26,17 @@ from pam_gap.prediction.fit import Array
 from pam_gap.prediction.gap_figures import gap_figures
 from pam_gap.prediction.locate import Location
 from pam_gap.prediction.materiality import GapSize, gap_sizes
+from pam_gap.prediction.problem import PredictionProblem
 from pam_model.effects import EFFECTS
 from pam_model.plant.parameters import RIG_PLACES
 from pam_model.rig import Rig
+
+ON_A_BENCH = (
+    "Hold further lengths, from the longest to the shortest at which the muscle still pulls. At "
+    "each, raise the pressure slowly from zero to the highest and lower it again; then hold the "
+    "highest for a minute, and move the length slowly back and forth at two pressures."
+)
+"""What separates causes in a muscle: length, pressure and time, each changed alone."""
 
 
 class AnswerForm:
@@ -113,6 +121,7 @@ class AnswerForm:
             improved=None if shown is None else self.improved(shown.hypothesis),
             retuned=self.improved(final.hypothesis) if is_unknown else None,
             ordinary=ordinary,
+            withheld=self.folds.withheld,
             written_values=self.problem.base.values,
             improved_values=values,
             closest_values=self.closest(decision.tried) if is_unknown else None,
@@ -208,10 +217,10 @@ class AnswerForm:
             reach = self.rules.bound_reach * (parameter.high - parameter.low)
             if value >= parameter.high - reach:
                 notes.append(f"{parameter.name} is at its upper bound")
-            first, second = (float(fold[i]) for fold in score.fold_values)
-            half_sum = 0.5 * (abs(first) + abs(second))
-            apart = 2.0 * self.rules.fold_disagreement * half_sum
-            if abs(first - second) > apart and half_sum > 0.5 * parameter.size:
+            fitted = np.array([float(fold[i]) for fold in score.fold_values])
+            usual = float(np.mean(np.abs(fitted)))
+            apart = 2.0 * self.rules.fold_disagreement * usual
+            if np.ptp(fitted) > apart and usual > 0.5 * parameter.size:
                 notes.append(f"{parameter.name} differs between folds")
         return "; ".join(notes)
 
@@ -265,7 +274,7 @@ def not_identifiable(
         parameters={},
         gap=gap_of(fitter, written, written) if location is not None else {},
         closed=None,
-        next_experiment=advice("not_identifiable", None, problem.present),
+        next_experiment=advice("not_identifiable", None, problem),
         joint=problem.rig.joints[problem.joint].name,
         location=location,
         missing=tuple(missing),
@@ -296,16 +305,18 @@ def why_preferred(chosen: Sequence[str], ranking: Sequence[ScoredCandidate]) -> 
     return f"{other} fits this recording better ({shown}). {mine} was preferred because {reason}."
 
 
-def advice(verdict: str, proposal: Proposal | None, present: np.ndarray) -> str:
+def advice(verdict: str, proposal: Proposal | None, problem: PredictionProblem) -> str:
     """Instruction for the next recording; empty if none is needed."""
     if proposal is not None:
         return proposal.sentence()
     if verdict == "not_identifiable":
         return "Record again, as docs/record_for_diagnosis.md describes."
+    if problem.is_bench and verdict in ("ambiguous", "unknown"):
+        return ON_A_BENCH
     if verdict == "ambiguous":
         return "Record the same motion again with load cells, and with gravity at another angle."
     if verdict == "unknown":
-        sensors = "" if present[BOTH_FORCES].any() else ", with load cells"
+        sensors = "" if problem.present[BOTH_FORCES].any() else ", with load cells"
         return (
             f"Record holds and slow reversals over the whole range{sensors}: they show what the "
             "remaining error depends on."

@@ -13,17 +13,14 @@ from pathlib import Path
 from typing import Any
 
 from pam_gap.calibration.answer import comments, sentence, table_lines, to_json
-from pam_gap.calibration.bench import (
-    bench_muscles_recorded,
-    calibrate_bench_muscle,
-    expected_channels,
-)
+from pam_gap.calibration.bench import calibrate_bench_muscle
 from pam_gap.calibration.calibration import KEPT, Calibration, calibrate_joint
 from pam_gap.calibration.calibration_rules import DEFAULT
 from pam_gap.calibration.free_numbers import BODY, GAS, STATICS, Said
 from pam_gap.calibration.page import write_page
 from pam_gap.diagnose_recordings import joints_to_diagnose
 from pam_gap.diagnosis_files import import_as_mounted, joint_progress
+from pam_gap.prediction.bench_joint import bench_muscles_recorded, expected_channels
 from pam_gap.recordings.column_map import load_column_map
 from pam_gap.recordings.parts import part_of
 from pam_gap.recordings.recording import Recording, RecordingError

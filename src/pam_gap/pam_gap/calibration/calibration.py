@@ -15,7 +15,7 @@ import numpy as np
 from pam_gap.answer.improved_rig import with_number
 from pam_gap.calibration.calibration_rules import DEFAULT as DEFAULT_RULES
 from pam_gap.calibration.calibration_rules import CalibrationRules
-from pam_gap.calibration.free_numbers import FreeNumber, Said
+from pam_gap.calibration.free_numbers import FreeRigNumber, Said
 from pam_gap.calibration.intervals import knowledge
 from pam_gap.calibration.scale_of_forces import grows, scale_weights
 from pam_gap.calibration.staged_fit import (
@@ -212,7 +212,7 @@ def one_valve_reversed(problem: PredictionProblem, rules: CalibrationRules) -> t
 
 
 def conclusion(
-    rig: Rig, name: str, numbers: Sequence[FreeNumber], joint: JointFit, rules: CalibrationRules
+    rig: Rig, name: str, numbers: Sequence[FreeRigNumber], joint: JointFit, rules: CalibrationRules
 ) -> tuple[tuple[CalibratedNumber, ...], dict[str, float]]:
     """The numbers, fitted once more beside those of which the log says nothing; small effects."""
     fitter = joint.fitter
@@ -269,7 +269,7 @@ def misfit(
 
 
 def _is_narrow(
-    one: FreeNumber, value: float, ends: tuple[float, float], rules: CalibrationRules
+    one: FreeRigNumber, value: float, ends: tuple[float, float], rules: CalibrationRules
 ) -> bool:
     """Whether an interval is narrow enough for a number to count as determined."""
     half = 0.5 * (ends[1] - ends[0])

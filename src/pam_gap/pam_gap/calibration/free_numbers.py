@@ -11,9 +11,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from pam_gap.calibration.calibration_rules import CalibrationRules
-from pam_gap.inference.candidates import SIDES, Nuisance, ordinary_sizes, rig_scales
+from pam_gap.inference.candidates import Nuisance, ordinary_sizes, rig_scales
 from pam_gap.prediction.fit import FreeParameter
 from pam_model.effects import EFFECTS
+from pam_model.plant.layout import MUSCLES as SIDES
 from pam_model.plant.parameters import RIG_PLACES, UNITS, bounds_of
 from pam_model.rig import Joint, Rig
 from pam_model.rig.partial import PartialRig
@@ -53,7 +54,7 @@ class Said:
 
 
 @dataclass(frozen=True, slots=True)
-class FreeNumber:
+class FreeRigNumber:
     """One number that a calibration may change.
 
     Attributes
@@ -127,7 +128,7 @@ def free_numbers(
     rules: CalibrationRules,
     *,
     has_commands: bool,
-) -> tuple[FreeNumber, ...]:
+) -> tuple[FreeRigNumber, ...]:
     """Every number of one joint that a calibration may change.
 
     Parameters
@@ -172,14 +173,14 @@ def free_numbers(
             reach = rules.reach * math.sqrt(3.0) * spread
             free = FreeParameter(name, centre - reach, centre + reach, spread, spread, centre)
             found.append(
-                FreeNumber(name, key_in_file(name, joint), UNITS[name], SENSORS, free, centre)
+                FreeRigNumber(name, key_in_file(name, joint), UNITS[name], SENSORS, free, centre)
             )
     return (*found, *ordinary_numbers(partial.rig, joint, rules, has_commands=has_commands))
 
 
 def ordinary_numbers(
     rig: Rig, joint: Joint, rules: CalibrationRules, *, has_commands: bool
-) -> tuple[FreeNumber, ...]:
+) -> tuple[FreeRigNumber, ...]:
     """Sizes of the small effects that a good rig has, and the shapes of these effects.
 
     Parameters
@@ -206,7 +207,7 @@ def ordinary_numbers(
             ends = sorted((0.0, rules.usual_most * size))
             free = FreeParameter(path, ends[0], ends[1], 0.5 * spread, spread, middle)
             found.append(
-                FreeNumber(path, key_in_file(path, joint), UNITS[path], stage, free, middle)
+                FreeRigNumber(path, key_in_file(path, joint), UNITS[path], stage, free, middle)
             )
         for key, entry in EFFECTS[effect].parameters.items():
             reach = EFFECTS[effect].search.ranges(scales)[key]
@@ -219,7 +220,7 @@ def ordinary_numbers(
                 names[0], reach.low, reach.high, 0.3, rules.usual_shape, start, True
             )
             found.append(
-                FreeNumber(
+                FreeRigNumber(
                     names[0], key_in_file(names[0], joint), UNITS[names[0]], stage, free, start,
                     names[1:],
                 )
@@ -235,7 +236,7 @@ def _number(
     start: Mapping[str, float],
     said: Said,
     rules: CalibrationRules,
-) -> FreeNumber | None:
+) -> FreeRigNumber | None:
     key, value = key_in_file(name, joint), start[name]
     low, high = bounds_of(name)
     last = RIG_PLACES[name].key
@@ -262,7 +263,7 @@ def _number(
         if not tolerance > 0.0:
             return None
         free = _about(name, value, tolerance, rules)
-    return FreeNumber(name, key, UNITS[name], stage, _bounded(free, low, high), written)
+    return FreeRigNumber(name, key, UNITS[name], stage, _bounded(free, low, high), written)
 
 
 def _is_unstated(name: str, rig: Rig, joint: Joint) -> bool:

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from pam_gap.answer.improved_rig import with_number
-from pam_gap.calibration.free_numbers import STATICS, FreeNumber
+from pam_gap.calibration.free_numbers import STATICS, FreeRigNumber
 from pam_gap.prediction.fit import Array
 from pam_model.errors import PamError
 from pam_model.joints.antagonistic_joint import AntagonisticJoint
@@ -31,7 +31,7 @@ PRESSURE = 1e5  # Pa
 SMALL = 1e-3
 
 
-def grows(number: FreeNumber) -> bool:
+def grows(number: FreeRigNumber) -> bool:
     """Whether a number grows with the pull of the muscles."""
     return number.key.rpartition(".")[2] in GROWING
 
@@ -49,7 +49,7 @@ def torque_per_pressure(rig: Rig, joint: str) -> float:
     return difference / (2.0 * PRESSURE)
 
 
-def scale_weights(rig: Rig, joint: str, numbers: Sequence[FreeNumber]) -> Array:
+def scale_weights(rig: Rig, joint: str, numbers: Sequence[FreeRigNumber]) -> Array:
     """Derivative of the logarithm of the torque per pressure by that of each number, shape (n,).
 
     It is 0 for a number that does not change it, and where it cannot be computed.

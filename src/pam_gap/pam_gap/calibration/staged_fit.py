@@ -20,13 +20,12 @@ from pam_gap.calibration.free_numbers import (
     ORDINARY_VALVE,
     SENSORS,
     STATICS,
-    FreeNumber,
+    FreeRigNumber,
     Said,
     free_numbers,
 )
 from pam_gap.calibration.small_errors import ValvePlay, small_errors
 from pam_gap.inference.background import Background
-from pam_gap.inference.candidates import SIDES
 from pam_gap.inference.hypothesis import Hypothesis, HypothesisFitter
 from pam_gap.prediction.channel_order import BOTH_PRESSURES, N_CHANNELS, POSITION
 from pam_gap.prediction.fit import Array, fit
@@ -34,6 +33,7 @@ from pam_gap.prediction.gap_figures import noise_level
 from pam_gap.prediction.problem import PredictionProblem, PredictionSettings
 from pam_gap.recordings.recording import LOCKED, SHUT, TURNED_OVER
 from pam_model.identify.joint_regression import MotionRecord, body_regression, valve_regression
+from pam_model.plant.layout import MUSCLES as SIDES
 from pam_model.plant.parameters import INDEX, NAMES
 from pam_model.rig.partial import PartialRig
 
@@ -94,7 +94,7 @@ def first_numbers(
 
 def first_plant(
     problem: PredictionProblem, partial: PartialRig, said: Said, rules: CalibrationRules
-) -> tuple[tuple[FreeNumber, ...], Array]:
+) -> tuple[tuple[FreeRigNumber, ...], Array]:
     """The free numbers, and the plant with the first numbers of the regressions.
 
     Parameters
@@ -110,7 +110,7 @@ def first_plant(
 
     Returns
     -------
-    numbers : tuple of FreeNumber
+    numbers : tuple of FreeRigNumber
         What a calibration may change.
     vector : ndarray, shape (n_parameters,)
         The plant from which the first stage begins.
@@ -131,7 +131,7 @@ def first_plant(
 
 
 @dataclass(frozen=True, slots=True)
-class Stage:
+class FitStage:
     """One stage: which numbers it finds, from which channels, with which inputs measured."""
 
     name: str
@@ -140,22 +140,22 @@ class Stage:
     settings: PredictionSettings
 
 
-def stages(problem: PredictionProblem) -> tuple[Stage, ...]:
+def stages(problem: PredictionProblem) -> tuple[FitStage, ...]:
     """The stages that the recorded channels permit."""
     found = []
     pressures = tuple(range(N_CHANNELS))[BOTH_PRESSURES]
     if problem.has_commands and problem.recorded[POSITION]:
-        found.append(Stage(GAS, (GAS, SENSORS, ORDINARY_VALVE), pressures, GAS_SETTINGS))
+        found.append(FitStage(GAS, (GAS, SENSORS, ORDINARY_VALVE), pressures, GAS_SETTINGS))
     if problem.recorded[POSITION]:
         others = tuple(c for c in range(N_CHANNELS) if c not in pressures)
-        found.append(Stage(BODY, (STATICS, BODY, SENSORS, ORDINARY_BODY), others, BODY_SETTINGS))
+        found.append(FitStage(BODY, (STATICS, BODY, SENSORS, ORDINARY_BODY), others, BODY_SETTINGS))
     return tuple(found)
 
 
 def fit_stage(
     problem: PredictionProblem,
-    stage: Stage,
-    numbers: Sequence[FreeNumber],
+    stage: FitStage,
+    numbers: Sequence[FreeRigNumber],
     vector: Array,
     rules: CalibrationRules,
 ) -> tuple[Array, tuple[float, float]]:
@@ -167,9 +167,9 @@ def fit_stage(
     ----------
     problem : PredictionProblem
         The recordings.
-    stage : Stage
+    stage : FitStage
         One of `stages`.
-    numbers : sequence of FreeNumber
+    numbers : sequence of FreeRigNumber
         All free numbers.
     vector : ndarray, shape (n_parameters,)
         The plant before.
@@ -224,7 +224,7 @@ class JointFit:
 
 def fit_together(
     problem: PredictionProblem,
-    numbers: Sequence[FreeNumber],
+    numbers: Sequence[FreeRigNumber],
     vector: Array,
     rules: CalibrationRules,
 ) -> JointFit:

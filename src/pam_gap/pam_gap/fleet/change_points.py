@@ -77,7 +77,7 @@ class Change:
 
 
 @dataclass(frozen=True, slots=True)
-class Course:
+class SeriesModel:
     """The model of a series.
 
     Attributes
@@ -312,7 +312,7 @@ class _Series:
         )  # fmt: skip
 
 
-def find_changes(time: Array, value: Array, deviation: Array) -> Course:
+def find_changes(time: Array, value: Array, deviation: Array) -> SeriesModel:
     """Find the steps and slopes of a series.
 
     Parameters
@@ -326,13 +326,13 @@ def find_changes(time: Array, value: Array, deviation: Array) -> Course:
 
     Returns
     -------
-    Course
+    SeriesModel
         The model; without changes if there are fewer than `fleet.fewest` values.
     """
     if value.size < RULES.fewest or not np.ptp(value) > 0.0 or not np.ptp(time) > 0.0:
         level = float(np.median(value)) if value.size else math.nan
         enough = value.size >= RULES.fewest
-        return Course((), np.full(value.size, level), 0.0, level, 0.0, enough)
+        return SeriesModel((), np.full(value.size, level), 0.0, level, 0.0, enough)
     # Values of any unit, so that sums of logarithms and squares have about the size of one.
     unit = float(np.max(np.abs(value)))
     series = _Series(time, value / unit, deviation / unit)
@@ -342,7 +342,7 @@ def find_changes(time: Array, value: Array, deviation: Array) -> Course:
     )
     curve = unit * (series.columns(fit.terms) @ fit.coefficients)
     rate = sum(c.size for c in changes if c.kind == SLOPE)
-    return Course(tuple(changes), curve, unit * fit.spread, float(curve[-1]), rate)
+    return SeriesModel(tuple(changes), curve, unit * fit.spread, float(curve[-1]), rate)
 
 
 def _scaled(change: Change, unit: float) -> Change:

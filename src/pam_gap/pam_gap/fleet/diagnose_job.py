@@ -32,7 +32,7 @@ DONE = "done.json"
 
 
 @dataclass(frozen=True, slots=True)
-class Task:
+class DiagnosisTask:
     """A job with all that a worker needs.
 
     Attributes
@@ -58,7 +58,7 @@ def folder_name(name: str) -> str:
     return re.sub(r"[^A-Za-z0-9._-]+", "_", name.replace(os.sep, "__")).strip(".") or "_"
 
 
-def key_of(task: Task) -> dict[str, str]:
+def key_of(task: DiagnosisTask) -> dict[str, str]:
     """Everything on which the answer depends.
 
     Raises
@@ -76,7 +76,7 @@ def key_of(task: Task) -> dict[str, str]:
     }
 
 
-def kept_result(task: Task, key: Mapping[str, str]) -> dict[str, Any] | None:
+def kept_result(task: DiagnosisTask, key: Mapping[str, str]) -> dict[str, Any] | None:
     """The kept result of a recording; None if there is none or it was made from something else."""
     place = task.folder / DONE
     try:
@@ -89,7 +89,7 @@ def kept_result(task: Task, key: Mapping[str, str]) -> dict[str, Any] | None:
     return kept
 
 
-def diagnose_job(task: Task) -> dict[str, Any]:
+def diagnose_job(task: DiagnosisTask) -> dict[str, Any]:
     """Diagnose one recording and keep the result; a mistake in the recording is a result, too.
 
     Returns

@@ -14,12 +14,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from pam_gap.fleet.diagnose_job import Task, diagnose_job, folder_name, kept_result, key_of
+from pam_gap.fleet.diagnose_job import DiagnosisTask, diagnose_job, folder_name, kept_result, key_of
 from pam_gap.fleet.fleet_page import write_page
 from pam_gap.fleet.follow_all import Followed, follow_all
 from pam_gap.fleet.jobs import Job, many_rigs, one_rig
 from pam_gap.fleet.recording_time import time_of
-from pam_gap.fleet.series import Point, Series, as_json, limit_for, make_series, soonest
+from pam_gap.fleet.series import ParameterSeries, Point, as_json, limit_for, make_series, soonest
 from pam_gap.fleet.tables import FOLLOWED, found_rows, recording_rows, write_tables
 from pam_gap.fleet.workers import cluster, one_line, run_all
 from pam_gap.rules import DEFAULT, Rules
@@ -78,7 +78,7 @@ def _jobs(settings: Settings) -> list[Job]:
     return one_rig(settings.folder, settings.rig, [settings.out])
 
 
-def _failed(task: Task, failure: str) -> dict[str, Any]:
+def _failed(task: DiagnosisTask, failure: str) -> dict[str, Any]:
     """The result of a recording that could not be diagnosed for a reason outside of it."""
     when = time_of(task.job.recording, task.job.stated_time)
     return {
@@ -87,7 +87,7 @@ def _failed(task: Task, failure: str) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _not_diagnosed(task: Task) -> dict[str, Any]:
+def _not_diagnosed(task: DiagnosisTask) -> dict[str, Any]:
     """The result of a recording that is only fitted with the effects that are followed."""
     try:
         return _failed(task, "") | {"key": key_of(task)}
@@ -130,7 +130,7 @@ def to_diagnose(
     return sorted(first.values())
 
 
-def _kept(task: Task) -> dict[str, Any] | None:
+def _kept(task: DiagnosisTask) -> dict[str, Any] | None:
     try:
         return kept_result(task, key_of(task))
     except PamError:  # the recording cannot be read; its diagnosis says so
@@ -139,9 +139,9 @@ def _kept(task: Task) -> dict[str, Any] | None:
 
 def diagnose_all(
     client: Any,
-    tasks: Sequence[Task],
+    tasks: Sequence[DiagnosisTask],
     settings: Settings,
-    diagnose: Callable[[Task], dict[str, Any]] = diagnose_job,
+    diagnose: Callable[[DiagnosisTask], dict[str, Any]] = diagnose_job,
 ) -> tuple[list[dict[str, Any]], int]:
     """Diagnose what is not kept; return the results in the order of the tasks, and how many were.
 
@@ -149,7 +149,7 @@ def diagnose_all(
     ----------
     client : distributed.Client
         From `workers.cluster`.
-    tasks : sequence of Task
+    tasks : sequence of DiagnosisTask
         The recordings.
     settings : Settings
         For the progress bar.
@@ -168,9 +168,9 @@ def diagnose_all(
 
 def _diagnose_chosen(
     client: Any,
-    tasks: Sequence[Task],
+    tasks: Sequence[DiagnosisTask],
     settings: Settings,
-    diagnose: Callable[[Task], dict[str, Any]],
+    diagnose: Callable[[DiagnosisTask], dict[str, Any]],
 ) -> tuple[list[dict[str, Any]], int]:
     """The results of all recordings, and how many were diagnosed now."""
     robots = [task.job.robot for task in tasks]
@@ -186,7 +186,7 @@ def _diagnose_chosen(
 
 
 def _with_failures(
-    tasks: Sequence[Task], results: Sequence[dict[str, Any]], followed: Sequence[Followed]
+    tasks: Sequence[DiagnosisTask], results: Sequence[dict[str, Any]], followed: Sequence[Followed]
 ) -> list[dict[str, Any]]:
     """The results; what was only fitted and could not be is a failed recording."""
     reasons = {name: reason for joint in followed for name, reason in joint.failures}
@@ -198,7 +198,7 @@ def _with_failures(
     ]
 
 
-def _link(task: Task, row: Mapping[str, Any], joints: int) -> str:
+def _link(task: DiagnosisTask, row: Mapping[str, Any], joints: int) -> str:
     """Address of the report of one joint, from the page of the fleet; empty after a failure."""
     if row["failure"] or not row["joint"]:
         return ""
@@ -206,9 +206,9 @@ def _link(task: Task, row: Mapping[str, Any], joints: int) -> str:
     return f"{folder}/report.html" if joints == 1 else f"{folder}/{row['joint']}/report.html"
 
 
-def series_of(followed: Sequence[Followed], limits: Mapping[str, float]) -> list[Series]:
+def series_of(followed: Sequence[Followed], limits: Mapping[str, float]) -> list[ParameterSeries]:
     """The series of all magnitudes; parameters that only shape an effect are left out."""
-    made: list[Series] = []
+    made: list[ParameterSeries] = []
     for joint in followed:
         points: dict[tuple[str, str], list[Point]] = {}
         units: dict[tuple[str, str], str] = {}
@@ -230,7 +230,7 @@ def series_of(followed: Sequence[Followed], limits: Mapping[str, float]) -> list
 
 def analyse_fleet(
     settings: Settings,
-    diagnose: Callable[[Task], dict[str, Any]] = diagnose_job,
+    diagnose: Callable[[DiagnosisTask], dict[str, Any]] = diagnose_job,
 ) -> dict[str, Any]:
     """Diagnose a fleet, look for changes, and write tables, fleet.json and fleet.html.
 
@@ -242,7 +242,7 @@ def analyse_fleet(
     jobs = _jobs(settings)
     kept_in = settings.out.resolve() / RESULTS
     tasks = [
-        Task(job, kept_in / folder_name(job.name), settings.rules, settings.map_path)
+        DiagnosisTask(job, kept_in / folder_name(job.name), settings.rules, settings.map_path)
         for job in jobs
     ]
     kept_in.mkdir(parents=True, exist_ok=True)

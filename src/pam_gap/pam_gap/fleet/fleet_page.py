@@ -19,7 +19,7 @@ from matplotlib import pyplot as plt
 from pam_gap.answer.page_style import STYLE, VERDICT_WORDS
 from pam_gap.answer.user_units import spoken, told, user_unit
 from pam_gap.fleet.change_points import SLOPE, STEP
-from pam_gap.fleet.series import Series, day
+from pam_gap.fleet.series import ParameterSeries, day
 
 VALUE, MODEL, CHANGE = "#00798c", "0.15", "#c2410c"
 SOURCES = {
@@ -81,7 +81,7 @@ date of a change; orange: its 90 % interval.</p>{% endif %}
 """
 
 
-def draw_series(series: Series) -> str:
+def draw_series(series: ParameterSeries) -> str:
     """Draw values with intervals, the model and its changes; return the picture as a data URL."""
     figure, axis = plt.subplots(figsize=(9.5, 3.0), layout="constrained")
     points, course = series.points, series.course
@@ -119,7 +119,7 @@ def draw_series(series: Series) -> str:
     return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode()
 
 
-def _alt(series: Series, sentences: Sequence[str]) -> str:
+def _alt(series: ParameterSeries, sentences: Sequence[str]) -> str:
     values = [p.value for p in series.points]
     span = f"{told(min(values), series.unit)} to {told(max(values), series.unit)}"
     return (
@@ -128,7 +128,7 @@ def _alt(series: Series, sentences: Sequence[str]) -> str:
     )
 
 
-def _groups(document: Mapping[str, Any], series: Sequence[Series]) -> list[dict[str, Any]]:
+def _groups(document: Mapping[str, Any], series: Sequence[ParameterSeries]) -> list[dict[str, Any]]:
     groups = []
     for followed in document["followed"]:
         where = (followed["robot"], followed["joint"])
@@ -168,14 +168,14 @@ def _sources(rows: Sequence[Mapping[str, Any]]) -> str:
     return f"Dates: {', '.join(told_)}."
 
 
-def render(document: Mapping[str, Any], series: Sequence[Series]) -> str:
+def render(document: Mapping[str, Any], series: Sequence[ParameterSeries]) -> str:
     """Return the page as text.
 
     Parameters
     ----------
     document : mapping
         The content of fleet.json.
-    series : sequence of Series
+    series : sequence of ParameterSeries
         The series of the document, in the same order.
     """
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
@@ -217,7 +217,7 @@ def _word(row: Mapping[str, Any]) -> str:
     return VERDICT_WORDS.get(row["verdict"], "Only followed, not diagnosed")
 
 
-def write_page(document: Mapping[str, Any], series: Sequence[Series], path: Path) -> None:
+def write_page(document: Mapping[str, Any], series: Sequence[ParameterSeries], path: Path) -> None:
     """Write the page to `path`."""
     with mpl.rc_context({"font.size": 9}):
         path.write_text(render(document, series), encoding="utf-8")

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from pam_gap.fleet.diagnose_job import Task
+from pam_gap.fleet.diagnose_job import DiagnosisTask
 from pam_gap.fleet.tracking import TrackTask, effects_to_follow, follow, typical_values
 from pam_gap.fleet.workers import run_all
 from pam_gap.rules import DEFAULT
@@ -56,7 +56,7 @@ class Followed:
 class _Entry:
     """One joint of one recording, with its diagnosis; None if it was not diagnosed."""
 
-    task: Task
+    task: DiagnosisTask
     result: Mapping[str, Any]
     joint: str
     answer: Mapping[str, Any] | None
@@ -156,7 +156,7 @@ def _needed(
 
 def follow_all(
     client: Any,
-    tasks: Sequence[Task],
+    tasks: Sequence[DiagnosisTask],
     results: Sequence[Mapping[str, Any]],
     *,
     show_progress: bool = False,

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from pam_gap.answer.user_units import spoken, told, user_unit
-from pam_gap.fleet.change_points import SLOPE, Change, Course, deviations, find_changes
+from pam_gap.fleet.change_points import SLOPE, Change, SeriesModel, deviations, find_changes
 
 WEEK = 7.0 * 86400.0  # s
 LONGEST = 520.0
@@ -30,7 +30,7 @@ class Point:
 
 
 @dataclass(frozen=True, slots=True)
-class Series:
+class ParameterSeries:
     """A parameter over time.
 
     Attributes
@@ -39,7 +39,7 @@ class Series:
         Which one.
     points : tuple of Point
         By time.
-    course : Course
+    course : SeriesModel
         Its changes.
     limit : float or None
         Value that a user has named as too much.
@@ -51,7 +51,7 @@ class Series:
     parameter: str
     unit: str
     points: tuple[Point, ...]
-    course: Course
+    course: SeriesModel
     limit: float | None = None
 
     @property
@@ -62,7 +62,7 @@ class Series:
 
 def make_series(
     names: tuple[str, str, str, str], unit: str, points: Sequence[Point], limit: float | None
-) -> Series:
+) -> ParameterSeries:
     """Order the points and find their changes; `names`: robot, joint, effect, parameter."""
     ordered = tuple(sorted(points, key=lambda p: (p.time, p.recording)))
     low, high = (np.array([getattr(p, key) for p in ordered]) for key in ("low", "high"))
@@ -71,7 +71,7 @@ def make_series(
         np.array([p.value for p in ordered]),
         deviations(low, high),
     )
-    return Series(*names, unit, ordered, course, limit)
+    return ParameterSeries(*names, unit, ordered, course, limit)
 
 
 def day(seconds: float) -> str:
@@ -90,7 +90,7 @@ def _span(low: float, high: float, unit: str) -> str:
     return " to ".join(ends)
 
 
-def change_in_words(series: Series, change: Change) -> str:
+def change_in_words(series: ParameterSeries, change: Change) -> str:
     """A change with its size, interval and date."""
     subject = f"{series.name} ({series.joint})"
     if change.kind == SLOPE:
@@ -113,7 +113,7 @@ def change_in_words(series: Series, change: Change) -> str:
     )
 
 
-def weeks_left(series: Series) -> tuple[float, str] | None:
+def weeks_left(series: ParameterSeries) -> tuple[float, str] | None:
     """Weeks until the limit, or until the value has doubled, at the present rate; and which.
 
     None where no slope takes the value further from 0, or it would take longer than ten years.
@@ -130,7 +130,7 @@ def weeks_left(series: Series) -> tuple[float, str] | None:
     return (weeks, aim) if weeks <= LONGEST else None
 
 
-def in_words(series: Series) -> list[str]:
+def in_words(series: ParameterSeries) -> list[str]:
     """All findings about a series, in sentences."""
     if not series.course.enough:
         return [
@@ -149,7 +149,7 @@ def in_words(series: Series) -> list[str]:
     return said
 
 
-def as_json(series: Series) -> dict[str, Any]:
+def as_json(series: ParameterSeries) -> dict[str, Any]:
     """The mapping that fleet.json holds."""
     left = weeks_left(series)
     return {
@@ -169,7 +169,7 @@ def as_json(series: Series) -> dict[str, Any]:
     }
 
 
-def _change_json(series: Series, change: Change) -> dict[str, Any]:
+def _change_json(series: ParameterSeries, change: Change) -> dict[str, Any]:
     entry: dict[str, Any] = {
         "effect": series.effect,
         "kind": change.kind,
@@ -187,7 +187,7 @@ def _change_json(series: Series, change: Change) -> dict[str, Any]:
     return entry | {"size": change.size, "low": change.low, "high": change.high}
 
 
-def soonest(series: Sequence[Series]) -> list[tuple[Series, float, str]]:
+def soonest(series: Sequence[ParameterSeries]) -> list[tuple[ParameterSeries, float, str]]:
     """What will need repair next: series that grow, the one with the least time left first."""
     found = [(s, left) for s in series if (left := weeks_left(s)) is not None]
     return sorted(((s, left[0], left[1]) for s, left in found), key=lambda item: item[1])

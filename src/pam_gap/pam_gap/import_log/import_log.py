@@ -14,11 +14,15 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pam_gap.diagnose_recordings import joints_to_diagnose, usable_parts, what_is_missing
+from pam_gap.diagnose_recordings import (
+    prepared_subject,
+    subjects_to_diagnose,
+    what_is_missing,
+)
 from pam_gap.import_log.preview_page import Preview, conversion, render
 from pam_gap.import_log.propose_map import Proposed, map_text, propose, wanted_channels
+from pam_gap.prediction.bench_joint import bench_muscles
 from pam_gap.prediction.identifiable import what_is_missing as not_identifiable_for
-from pam_gap.prediction.problem import PredictionProblem
 from pam_gap.recordings.bag_columns import read_bag_columns
 from pam_gap.recordings.belongs_to_rig import NO_JOINT
 from pam_gap.recordings.column_map import ColumnMap, load_column_map
@@ -27,7 +31,6 @@ from pam_gap.recordings.import_csv import is_table, read_columns
 from pam_gap.recordings.import_recording import is_bag, read_raw
 from pam_gap.recordings.recording import Array, RawRecording, Recording, RecordingError, resample
 from pam_gap.recordings.text_table import Table
-from pam_gap.rules import DEFAULT
 from pam_model.command_line import Arguments, Outcome
 from pam_model.errors import PamError
 from pam_model.rig import Rig, load_rig
@@ -126,7 +129,7 @@ def _proposed_map(
 
 def _why_none(table: Table, rig: Rig, place: Path) -> str:
     """Why nothing is proposed, and what to do."""
-    if not rig.joints:
+    if not (rig.joints or bench_muscles(rig)):
         return NO_JOINT
     return (
         f"none of {all_shown(table.columns) or 'its columns, of which there are none,'} looks like "
@@ -146,7 +149,7 @@ def _problems(rig: Rig, recording: Recording | None) -> list[str]:
     if recording is None:
         return []
     try:
-        joints_to_diagnose(rig, [recording])
+        subjects_to_diagnose(rig, [recording])
     except PamError as error:
         return [str(error)]
     return []
@@ -158,9 +161,8 @@ def _no_verdict(rig: Rig, recording: Recording | None) -> list[str]:
         return []
     measured = without_computed(recording, rig)
     found: list[str] = []
-    for joint in joints_to_diagnose(rig, [measured]):
-        problem = PredictionProblem(rig, joint, usable_parts(rig, joint, [measured]), rules=DEFAULT)
-        found += not_identifiable_for(problem)
+    for name in subjects_to_diagnose(rig, [measured]):
+        found += not_identifiable_for(prepared_subject(rig, name, [measured]).problem)
     return list(dict.fromkeys(found))
 
 
@@ -246,7 +248,7 @@ def run(given: Arguments) -> Outcome:
     )  # fmt: skip
     for channel, entry in preview.column_map.channels.items():
         made_of = " + ".join(map(shown, entry.columns))
-        print(f"{channel}: {made_of} {conversion(entry, channel)}".rstrip())
+        print(f"{channel}: {f'{made_of} {conversion(entry, channel)}'.strip()}")
     for text in preview.damage:
         print(f"warning: {text}", file=sys.stderr)
     for text in preview.problems:

@@ -100,6 +100,8 @@ def _unit(channel: str) -> str:
 
 def conversion(entry: MappedColumn, channel: str) -> str:
     """What is done to a column to make it a channel, such as "× 100000"; empty for nothing."""
+    if not entry.columns:
+        return f"held at {entry.offset:.6g} {_unit(channel)}"
     factor = f"× {entry.factor:.6g}" if entry.factor != 1.0 else ""
     offset = f"{entry.offset:+.6g} {_unit(channel)}" if entry.offset else ""
     return " ".join(part for part in (factor, offset) if part)

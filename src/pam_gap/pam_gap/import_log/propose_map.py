@@ -15,6 +15,7 @@ from typing import Any, Final
 import numpy as np
 import yaml
 
+from pam_gap.prediction.bench_joint import bench_muscles
 from pam_gap.recordings.column_map import unit_of
 from pam_gap.recordings.import_rosbag import ESTIMATES, GROUND_TRUTH
 from pam_gap.recordings.recording import COMMANDS, JOINTS, MUSCLES, PRESSURES, SUPPLY, Array
@@ -29,6 +30,7 @@ _WORDS: Final[Mapping[str, frozenset[str]]] = {
         PRESSURES: "pressure pressures press p pres druck",
         COMMANDS: "command commands cmd valve u input action",
         ".position": "angle position pos q theta phi joint encoder",
+        "length": "length len position pos displacement distance stroke laser x",
         ".effort": "force load cell effort torque f",
         SUPPLY: "supply tank source",
     }.items()
@@ -111,10 +113,11 @@ class Proposed:
 
 def wanted_channels(rig: Rig) -> list[str]:
     """The channels of a recording of this rig: what every diagnosis needs first."""
-    muscles = [muscle for joint in rig.joints for muscle in joint.muscles]
+    muscles = list(rig.muscle_names)
     return [
         *(f"{PRESSURES}{muscle}" for muscle in muscles),
         *(f"{JOINTS}{joint.name}.position" for joint in rig.joints),
+        *(f"{MUSCLES}{muscle}.position" for muscle in bench_muscles(rig)),
         *(f"{COMMANDS}{muscle}" for muscle in muscles),
         *(f"{MUSCLES}{muscle}.effort" for muscle in muscles),
         SUPPLY,
@@ -130,6 +133,8 @@ def words_of(name: str) -> list[str]:
 def _kind(channel: str) -> str:
     if channel == SUPPLY or channel.startswith((PRESSURES, COMMANDS)):
         return SUPPLY if channel == SUPPLY else channel.partition(".")[0] + "."
+    if channel.startswith(MUSCLES) and channel.endswith(".position"):
+        return "length"
     return "." + channel.rpartition(".")[2]
 
 
@@ -183,7 +188,9 @@ class _Column:
 
     def __init__(self, name: str, below: str) -> None:
         self.name = name
-        listed = words_of(name)
+        parts = name.split(".")
+        own = [part for part in parts[:-1] if not part.isdigit()]  # a run has a number of its own
+        listed = words_of(".".join([*own, parts[-1]]))
         self.words = frozenset(listed)
         bracket = re.search(r"[\[(]([^\])]*)[\])]\s*$", name)
         in_bracket = unit_spelt(bracket[1]) if bracket else None
@@ -253,6 +260,7 @@ def _unit(channel: str, column: _Column, values: Array, rig: Rig) -> str:
     supply = rig.supply_pressure - rig.gas.ambient_pressure
     limits = {
         "Pa gauge": (0.1 * supply, 1.1 * supply), "rad": (0.0, 6.3), "-": (0.05, 1.05),
+        "m": (0.01, 5.0),
         "Pa absolute": (0.5 * rig.supply_pressure, 1.5 * rig.supply_pressure),
     }  # fmt: skip
     if expected not in limits or limits[expected][0] <= largest <= limits[expected][1]:
@@ -283,6 +291,41 @@ def propose(
     """
     channels = ([] if is_bag else ["time"]) + wanted_channels(rig)
     columns = {n: values for n, values in _measured(columns).items() if np.isfinite(values).any()}
+    for run in [] if is_bag else _runs(columns):
+        found = _best(run, rig, channels, is_bag=False, units=units)
+        if all(name in {one.channel for one in found} for name in _needed(channels)):
+            return found
+    return _best(columns, rig, channels, is_bag=is_bag, units=units)
+
+
+def _needed(channels: list[str]) -> list[str]:
+    """Of the channels, those without which nothing can be diagnosed."""
+    return [name for name in channels if name == "time" or name.startswith(PRESSURES)]
+
+
+def _runs(columns: Mapping[str, Array]) -> list[dict[str, Array]]:
+    """The columns of each of several runs in one log, as `runs.0.p` and `runs.1.p` are.
+
+    Columns of different runs do not belong together, although their names say the same.
+    """
+    runs: dict[tuple[str, ...], dict[str, Array]] = {}
+    for name, values in columns.items():
+        parts = name.split(".")
+        at = next((k + 1 for k, part in enumerate(parts[:-1]) if part.isdigit()), 0)
+        if at:
+            runs.setdefault(tuple(parts[:at]), {})[name] = values
+    return list(runs.values()) if len(runs) > 1 else []
+
+
+def _best(
+    columns: Mapping[str, Array],
+    rig: Rig,
+    channels: list[str],
+    *,
+    is_bag: bool,
+    units: Mapping[str, str] | None,
+) -> list[Proposed]:
+    """The columns that fit the channels best, each used once."""
     read = [_Column(name, (units or {}).get(name, "")) for name in columns]
     places: dict[str, int] = {}
     scored: list[tuple[float, str, _Column]] = []

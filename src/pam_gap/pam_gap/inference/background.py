@@ -111,18 +111,23 @@ class SensorPart:
         return result
 
 
+def _muscles(problem: PredictionProblem) -> list[tuple[int, str]]:
+    """Channel of each muscle that exists, and what it is called."""
+    return list(enumerate(("muscle",) if problem.is_bench else MUSCLES))
+
+
 def sensor_parts(problem: PredictionProblem) -> list[SensorPart]:
     """The parts of a background that change the recorded channels of this problem."""
     found: list[SensorPart] = []
     if problem.has_commands and has_regulators(problem):
         found.append(SensorPart("a hysteresis of the regulators", _played, is_one_way=True))
-        for channel, side in enumerate(MUSCLES):
+        for channel, side in _muscles(problem):
             zero, gain = (partial(one, channel=channel) for one in (_shifted, _scaled))
             found.append(SensorPart(f"the zero of the {side}'s regulator", zero))
             found.append(SensorPart(f"the gain of the {side}'s regulator", gain))
     elif problem.has_commands:
         found.append(SensorPart("a hysteresis of the spools", _played, is_one_way=True))
-    for channel, side in enumerate(MUSCLES):
+    for channel, side in _muscles(problem):
         if problem.present[BOTH_PRESSURES][channel]:
             of = f"of the {side}'s pressure sensor"
             found.append(
@@ -143,7 +148,7 @@ def ordinary_background(problem: PredictionProblem, vector: Array) -> Background
         The plant, re-tuned without effects.
     """
     rules = problem.rules.decision
-    sizes = ordinary_sizes(problem.rig, problem.rig.joints[problem.joint])
+    sizes = ordinary_sizes(problem.rig, problem.rig.joints[problem.joint], problem.sides)
     shapes = [
         (effect, path, size, shape, most)
         for effect, paths, size in sizes
@@ -214,13 +219,13 @@ def has_regulators(problem: PredictionProblem) -> bool:
 
 def _single_spools(problem: PredictionProblem) -> list[SensorPart]:
     """A hysteresis of half the width in either valve; the play of two widths adds to others."""
-    if not problem.has_commands:
+    if not problem.has_commands or problem.is_bench:  # of one valve, it is that of all
         return []
     return [
         SensorPart(
             f"a hysteresis of the {side}'s valve", partial(_played_half, channel=channel), True
         )
-        for channel, side in enumerate(MUSCLES)
+        for channel, side in _muscles(problem)
     ]
 
 

@@ -20,9 +20,9 @@ from pam_gap.rules import DEFAULT
 from pam_gap.rules.search_rules import SearchRules
 from pam_model.effects import EFFECTS, Effect, Range, RigScales
 from pam_model.plant.force_table import closed_form
+from pam_model.plant.layout import MUSCLES as SIDES
 from pam_model.rig import Joint, Muscle, Rig
 
-SIDES = ("agonist", "antagonist")
 LENGTHS = ("thread_length", "turns", "neutral_length", "wall_thickness")
 """Numbers of a muscle that `length_tolerance` of the rig file concerns."""
 
@@ -105,13 +105,15 @@ def rig_scales(rig: Rig, joint: Joint) -> RigScales:
     )
 
 
-def _candidate(effect: Effect, sizes: Mapping[str, Range], side: str) -> Candidate:
+def _candidate(
+    effect: Effect, sizes: Mapping[str, Range], side: str, sides: Sequence[str]
+) -> Candidate:
     free: list[FreeParameter] = []
     targets: list[tuple[str, ...]] = []
     columns: list[tuple[float, ...]] = []
     ordinary: list[tuple[float, float]] = []
     if effect.scope == "muscle":
-        owners: Sequence[str] = (side,) if side else SIDES
+        owners: Sequence[str] = (side,) if side else sides
     else:
         owners = ("",)
     for key, parameter in effect.parameters.items():
@@ -165,16 +167,27 @@ def richer_starts(rich: Candidate, simple: Candidate, values: Array) -> tuple[Ar
     )
 
 
-def candidates_for(rig: Rig, joint: Joint) -> tuple[Candidate, ...]:
+def candidates_for(rig: Rig, joint: Joint, sides: Sequence[str] = SIDES) -> tuple[Candidate, ...]:
     """Every effect of the table as a candidate for one joint of a rig.
 
     Effects in the rig file are candidates too; the fitted values replace those of the file.
+
+    Parameters
+    ----------
+    rig : Rig
+        The rig as its file describes it.
+    joint : Joint
+        The joint.
+    sides : sequence of str
+        Those of its muscles that exist; with one, the joint is invented and is no candidate.
     """
     scales = rig_scales(rig, joint)
+    one_sided = sides if len(sides) > 1 else ("",)
     return tuple(
-        _candidate(effect, effect.search.ranges(scales), side)
+        _candidate(effect, effect.search.ranges(scales), side, sides)
         for effect in EFFECTS.values()
-        for side in (SIDES if effect.search.is_one_sided else ("",))
+        if len(sides) > 1 or effect.scope != "joint"
+        for side in (one_sided if effect.search.is_one_sided else ("",))
     )
 
 
@@ -234,18 +247,26 @@ class Nuisance:
 
 
 def nuisances_for(
-    rig: Rig, joint: Joint, rules: SearchRules = DEFAULT.search
+    rig: Rig,
+    joint: Joint,
+    rules: SearchRules = DEFAULT.search,
+    sides: Sequence[str] = SIDES,
 ) -> tuple[Nuisance, ...]:
-    """One nuisance parameter for each nominal value, within its tolerance; none for tolerance 0."""
+    """One nuisance parameter for each nominal value, within its tolerance; none for tolerance 0.
+
+    On a bench (one side), nothing of the invented joint is one, nor is the neutral length, from
+    which the measured length is counted.
+    """
     tolerance = rig.parameter_tolerance
     of_lengths = tolerance if rig.length_tolerance is None else rig.length_tolerance
     found: list[tuple[str, float]] = [("supply_pressure", tolerance)]
     for key in ("pulley_radius", "inertia", "viscous_friction", "gravity_torque", "gravity_angle"):
-        if getattr(joint, key) != 0.0:
+        if len(sides) > 1 and getattr(joint, key) != 0.0:
             found.append((f"joint.{key}", of_lengths if key == "pulley_radius" else tolerance))
     muscles: tuple[Muscle, ...] = tuple(rig.muscle(name) for name in joint.muscles)
-    for side, muscle in zip(SIDES, muscles, strict=True):
-        for key in LENGTHS:
+    lengths = [key for key in LENGTHS if len(sides) > 1 or key != "neutral_length"]
+    for side, muscle in zip(sides, muscles, strict=False):
+        for key in lengths:
             if getattr(muscle, key) != 0.0:
                 found.append((f"{side}.{key}", of_lengths))
         if muscle.dead_volume != 0.0:
@@ -270,7 +291,9 @@ def nuisances_for(
     )
 
 
-def ordinary_sizes(rig: Rig, joint: Joint) -> tuple[tuple[str, tuple[str, ...], float], ...]:
+def ordinary_sizes(
+    rig: Rig, joint: Joint, sides: Sequence[str] = SIDES
+) -> tuple[tuple[str, tuple[str, ...], float], ...]:
     """What an ordinary good rig has of the effects: name, plant parameters and largest change.
 
     Both muscles of a joint are of one kind and have a part of it together. An effect that the rig
@@ -280,9 +303,13 @@ def ordinary_sizes(rig: Rig, joint: Joint) -> tuple[tuple[str, tuple[str, ...], 
     scales = rig_scales(rig, joint)
     found: list[tuple[str, tuple[str, ...], float]] = []
     for effect in EFFECTS.values():
-        if effect.stage == "sensing":
+        if effect.stage == "sensing" or (len(sides) < len(SIDES) and effect.scope == "joint"):
             continue
-        owners = [o for o, stated in _owners(rig, joint, effect) if effect.name not in stated]
+        owners = [
+            owner
+            for owner, stated in _owners(rig, joint, effect)
+            if effect.name not in stated and (owner in sides or not owner)
+        ]
         for key, size in effect.search.ranges(scales).items():
             if size.ordinary > 0.0 and owners:
                 paths = tuple(f"{owner}.{effect.name}.{key}".lstrip(".") for owner in owners)
@@ -302,7 +329,10 @@ def _owners(
 
 
 def transport_time(
-    sample_time: float, written: float, rules: SearchRules = DEFAULT.search
+    sample_time: float,
+    written: float,
+    rules: SearchRules = DEFAULT.search,
+    sides: Sequence[str] = SIDES,
 ) -> Nuisance:
     """The transport time of a command as a nuisance parameter; the message stamps do not show it.
 
@@ -317,6 +347,8 @@ def transport_time(
         Delay of commands in the rig file [s].
     rules : SearchRules
         Constants.
+    sides : sequence of str
+        Muscles that exist.
     """
     free = FreeParameter(
         "transport time",
@@ -326,4 +358,4 @@ def transport_time(
         prior=sample_time / math.sqrt(3.0),
         centre=written,
     )
-    return Nuisance(free, tuple(f"{side}.command_delay.delay" for side in SIDES), is_factor=False)
+    return Nuisance(free, tuple(f"{side}.command_delay.delay" for side in sides), is_factor=False)

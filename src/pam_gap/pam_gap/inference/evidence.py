@@ -88,7 +88,14 @@ class Evidence[S: Score]:
         about = {
             "format": FORMAT,
             "scores": [
-                [list(s.effects), s.label, s.free_numbers, list(s.ordinary), s.unlisted]
+                [
+                    list(s.effects),
+                    s.label,
+                    s.free_numbers,
+                    list(s.ordinary),
+                    s.unlisted,
+                    list(s.cut_off),
+                ]
                 for s in scores
             ],
             "tried": len(self.tried),
@@ -143,8 +150,9 @@ def _of(path: Path, file: Mapping[str, Any]) -> Evidence[Score]:
             ordinary=tuple(ordinary),
             simulated_sums=simulated[k],
             unlisted=unlisted,
+            cut_off=tuple(*cut_off),
         )
-        for k, (effects, label, free, ordinary, unlisted) in enumerate(about["scores"])
+        for k, (effects, label, free, ordinary, unlisted, *cut_off) in enumerate(about["scores"])
     ]
     end = 2 + about["tried"]
     settled_end = end + len(about["settled"])

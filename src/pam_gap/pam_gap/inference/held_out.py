@@ -1,9 +1,12 @@
 """Scores on data that were not used for the fit: two folds of alternating blocks with guards.
 
-The parameters are fitted on one fold and scored on the other. Rows that are nearer to a border than
-the guard belong to neither fold. An error of the observer decays within its horizon, and slower
-states (creep, temperature) follow the measured history in both folds. A guard of a few horizons is
-therefore enough to separate the folds.
+The parameters are fitted on one fold and scored on the other, and the other way round. Rows that
+are nearer to a border than the guard belong to neither fold. An error of the observer decays within
+its horizon, and slower states (creep, temperature) follow the measured history in both folds. A
+guard of a few horizons is therefore enough to separate the folds.
+
+Where a muscle on a bench is held at several lengths, each length is withheld once instead, and
+predicted from the others: blocks in time would only ask whether a fitted length is fitted.
 """
 
 from __future__ import annotations
@@ -15,17 +18,51 @@ import numpy as np
 
 from pam_gap.inference.hypothesis import FitTask, Hypothesis, HypothesisFitter, Rows
 from pam_gap.inference.score import Score
+from pam_gap.prediction.channel_order import POSITION
+from pam_gap.prediction.channels import block_means
 from pam_gap.prediction.fit import Array
 from pam_gap.prediction.problem import PredictionProblem
+from pam_model.robot import compose
+
+OTHER_LENGTHS = "other lengths"
+LENGTHS_APART = 0.005
+"""Of the rest length: lengths that differ less are one, and a held length moves less."""
+FEWEST_LENGTHS = 3
+"""Lengths at which each can be predicted from two others."""
+LEAST_TIME = 0.05
+"""Share of the time for which a length must be held to count."""
+MOSTLY = 0.8
+"""Share of the time at held lengths from which the muscle counts as held."""
+MOST_TURNS = 6
+"""With more lengths than this, several are withheld together."""
 
 
 @dataclass(frozen=True, slots=True)
 class Folds:
-    """Rows of each fold, and the score block of each counted row (-1 for none)."""
+    """What is fitted and what is withheld in turn.
 
-    rows: tuple[Rows, Rows]
+    Attributes
+    ----------
+    turns : tuple of (ndarray of bool, ndarray of bool)
+        Rows that are fitted, and rows that are withheld meanwhile.
+    score_block : ndarray of int, shape (n_rows,)
+        Score block of each counted row, -1 for none.
+    n_blocks : int
+        Number of score blocks.
+    withheld : str
+        What is withheld, in words.
+    """
+
+    turns: tuple[tuple[Rows, Rows], ...]
     score_block: np.ndarray
     n_blocks: int
+    withheld: str = "other times"
+
+    @property
+    def used(self) -> Rows:
+        """Rows that are withheld once."""
+        result: Rows = np.any([withheld for _, withheld in self.turns], axis=0)
+        return result
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,12 +100,46 @@ class HeldOut(Score):
             hypothesis,
             fold_values,
             ordinary=hypothesis.ordinary,
+            cut_off=tuple(dict.fromkeys(effect for effect, *_ in hypothesis.at_the_end)),
             simulated_sums=simulated_sums,
         )
 
 
+def held_lengths(problem: PredictionProblem) -> np.ndarray | None:
+    """Number of the length at which a muscle on a bench is held in each row, shape (n_rows,).
+
+    -1 is on the way from one length to another. None where the muscle is not held at three lengths
+    or more for most of the time; two lengths that differ less than `LENGTHS_APART` are one.
+    """
+    if not problem.is_bench:
+        return None
+    position = np.concatenate(
+        [
+            block_means(data.measured[:, POSITION], problem.block)[: int(end - start)]
+            for data, start, end in zip(
+                problem.data, problem.offsets[:-1], problem.offsets[1:], strict=True
+            )
+        ]
+    )
+    muscle = problem.rig.muscle(problem.muscles[0])
+    arms = compose(problem.rig).joints[problem.joint].arms
+    apart = LENGTHS_APART * muscle.rest_length / abs(arms[0].length)
+    order = np.sort(position[problem.counted])
+    groups = np.split(order, np.flatnonzero(np.diff(order) > apart) + 1)
+    kept = [
+        (float(group[0]), float(group[-1]))
+        for group in groups
+        if group.size >= LEAST_TIME * order.size and np.ptp(group) < apart
+    ]
+    found = np.full(problem.n_rows, -1)
+    for number, (low, high) in enumerate(kept):
+        found[(position >= low) & (position <= high)] = number
+    is_held = np.mean(found[problem.counted] >= 0) >= MOSTLY if order.size else False
+    return found if len(kept) >= FEWEST_LENGTHS and is_held else None
+
+
 def make_folds(problem: PredictionProblem) -> Folds:
-    """Cut a problem's counted rows into two folds."""
+    """Cut a problem's counted rows into folds: two of alternating blocks, or one per length."""
     rules = problem.rules.search
     n = problem.n_rows
     fold = np.full(n, -1)
@@ -87,7 +158,15 @@ def make_folds(problem: PredictionProblem) -> Folds:
         next_block += int(pieces.max()) + 1
     used = np.unique(block[block >= 0])
     block = np.where(block >= 0, np.searchsorted(used, block), -1)
-    return Folds((fold == 0, fold == 1), block, used.size)
+    lengths = held_lengths(problem)
+    if lengths is not None:
+        number = np.where((block >= 0) & (lengths >= 0), lengths % MOST_TURNS, -1)
+        each = [number == k for k in range(min(int(lengths.max()) + 1, MOST_TURNS))]
+        turns = [((number >= 0) & ~own, own) for own in each if own.any()]
+        if len(turns) >= FEWEST_LENGTHS:
+            return Folds(tuple(turns), block, used.size, OTHER_LENGTHS)
+    first, second = fold == 0, fold == 1
+    return Folds(((first, second), (second, first)), block, used.size)
 
 
 def block_sums(errors: Array, folds: Folds, rows: Rows) -> tuple[Array, Array]:
@@ -129,7 +208,7 @@ def score_all(
         )
         for h, fitted in zip(hypotheses, is_fitted, strict=True)
         if fitted
-        for own in folds.rows
+        for own, _ in folds.turns
     ]
     parts = iter(fitter.fit_all(tasks))
     scores: list[HeldOut] = []
@@ -137,7 +216,7 @@ def score_all(
         sums = np.zeros((folds.n_blocks, h.result.errors.shape[1]))
         counts, simulated = np.zeros_like(sums), np.zeros_like(sums)
         values: list[Array] = []
-        for other in folds.rows[::-1]:
+        for _, other in folds.turns:
             part = next(parts) if fitted else h
             values.append(part.result.values)
             more_sums, more_counts = block_sums(part.result.errors, folds, other)

@@ -11,7 +11,6 @@ import numpy.typing as npt
 
 from pam_gap.inference.background import Background, discrepancy, ordinary_background
 from pam_gap.inference.candidates import (
-    SIDES,
     Candidate,
     Nuisance,
     nuisances_for,
@@ -20,9 +19,9 @@ from pam_gap.inference.candidates import (
 from pam_gap.prediction.channel_order import N_CHANNELS
 from pam_gap.prediction.fit import (
     Array,
-    FitResult,
     FitSteps,
     FreeParameter,
+    PlantFit,
     Scaling,
     Slopes,
     fit_steps,
@@ -51,14 +50,14 @@ class Hypothesis:
     ----------
     members : tuple of Candidate
         The effects; empty for the re-tuned nominal plant.
-    result : FitResult
+    result : PlantFit
         Nuisance parameters first, then the parameters of each effect in order.
     mean_square : ndarray, shape (channels,)
         J_c over all counted rows.
     """
 
     members: tuple[Candidate, ...]
-    result: FitResult
+    result: PlantFit
     mean_square: Array
 
     @property
@@ -184,15 +183,19 @@ class HypothesisFitter:
         self.floor = floor
         self.rules = problem.rules
         self.nuisances = (
-            nuisances_for(problem.rig, problem.rig.joints[problem.joint], self.rules.search)
+            nuisances_for(
+                problem.rig, problem.rig.joints[problem.joint], self.rules.search, problem.sides
+            )
             if nuisances is None
             else tuple(nuisances)
         )
         stamped = [d.recording.sample_time for d in problem.data if not d.recording.one_clock]
-        written = {problem.base[f"{side}.command_delay.delay"] for side in SIDES}
+        written = {problem.base[f"{side}.command_delay.delay"] for side in problem.sides}
         # Different delays in the rig file must be measured ones, which include the transport time.
         if stamped and problem.has_commands and len(written) == 1:
-            self.nuisances += (transport_time(max(stamped), written.pop(), self.rules.search),)
+            self.nuisances += (
+                transport_time(max(stamped), written.pop(), self.rules.search, problem.sides),
+            )
         self.nominal: Hypothesis | None = None
         self.bare: Hypothesis | None = None
         self.background: Background | None = None
@@ -270,10 +273,10 @@ class HypothesisFitter:
                 hypotheses.append(Hypothesis(task.members, result, mean))
         return hypotheses
 
-    def _without_fit(self) -> FitResult:
+    def _without_fit(self) -> PlantFit:
         """The rig as written, for a hypothesis without free parameters."""
         errors = self.problem.errors(self.problem.base.values[None])[0]
-        return FitResult(np.zeros(0), errors, 0.0, np.zeros((*errors.shape, 0)), 0)
+        return PlantFit(np.zeros(0), errors, 0.0, np.zeros((*errors.shape, 0)), 0)
 
     def _fit_steps(self, task: FitTask) -> tuple[Callable[[Array], Array], FitSteps] | None:
         """The fit of a hypothesis and its lanes' full vectors; None without free parameters."""

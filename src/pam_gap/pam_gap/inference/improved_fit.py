@@ -18,7 +18,7 @@ from dataclasses import replace
 import numpy as np
 
 from pam_gap.inference.background import Background
-from pam_gap.inference.candidates import SIDES, Candidate, ordinary_sizes
+from pam_gap.inference.candidates import Candidate, ordinary_sizes
 from pam_gap.inference.confidence import pooled_rms
 from pam_gap.inference.held_out import Folds, HeldOut, score_all
 from pam_gap.inference.hypothesis import FitTask, Hypothesis, HypothesisFitter
@@ -51,11 +51,13 @@ def ordinary_members(
     problem = fitter.problem
     amount: dict[str, float] = {}
     for effect, fitted in zip(background.effects, chosen.result.amounts, strict=True):
-        owners = len(SIDES) if effect and EFFECTS[effect].scope == "muscle" else 1
+        owners = len(problem.sides) if effect and EFFECTS[effect].scope == "muscle" else 1
         amount[effect] = amount.get(effect, 0.0) + float(fitted) / owners
     sizes = {
         path: (effect, size)
-        for effect, paths, size in ordinary_sizes(problem.rig, problem.rig.joints[problem.joint])
+        for effect, paths, size in ordinary_sizes(
+            problem.rig, problem.rig.joints[problem.joint], problem.sides
+        )
         for path in paths
     }
     members: list[Candidate] = []

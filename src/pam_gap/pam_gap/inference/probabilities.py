@@ -5,7 +5,9 @@ Three questions follow each other. Does anything stand out of noise and backgrou
 best hypothesis explain it? If so, which hypothesis is it? The first two are answered by logistic
 functions of the distance of levels and shares from the limits of the decision, the third by a Gibbs
 distribution over the levels, where every further effect costs the fall that it must achieve to be
-accepted. A likelihood would be far too sure, because errors are correlated and laws approximate.
+accepted. The level of a hypothesis whose size is at the end of its range is an upper bound. With
+more of the effect it would lie between this and the best one, and the middle is taken. A likelihood
+would be far too sure, because errors are correlated and laws approximate.
 All probabilities are therefore raised to a power below 1, which was fitted to drawn rigs (tempered
 posteriors: Holmes and Walker, Biometrika 104, 2017; Miller and Dunson, J. Am. Stat. Assoc. 114,
 2019; temperature scaling: Guo et al., Int. Conf. Machine Learning, 2017).
@@ -51,9 +53,13 @@ def probabilities[S: Score](
     removed = judge.share_removed(usual, decision.chosen) - rules.most_of_the_gap
     explained *= float(expit(removed / rules.share_temperature))
     energies: dict[str, float] = {}
+    least = min(judge.energy(score) for score in (*decision.tried, *decision.unlisted))
     for score in (*decision.tried, *decision.unlisted):
         name = _explanation(score)
-        energies[name] = min(judge.energy(score), energies.get(name, np.inf))
+        energy = judge.energy(score)
+        if is_cut_off(judge, usual, score):
+            energy -= rules.cut_off_share * (energy - least)
+        energies[name] = min(energy, energies.get(name, np.inf))
     values = np.array(list(energies.values()))
     shares = np.exp(-(values - values.min()) / rules.temperature)
     found = dict(zip(energies, (gap * shares / shares.sum()).tolist(), strict=True))
@@ -71,6 +77,14 @@ def probabilities[S: Score](
     if judge.has_background:
         found = _with_hidden(found, rules.hidden_share)
     return dict(sorted(found.items(), key=lambda pair: -pair[1]))
+
+
+def is_cut_off(judge: Judge, usual: Score, score: Score) -> bool:
+    """Whether a hypothesis explains most of the gap with a cause at the end of its range."""
+    return (
+        not {*score.causes}.isdisjoint(score.cut_off)
+        and judge.share_removed(usual, score) >= judge.rules.most_of_the_gap
+    )
 
 
 def _explanation(score: Score) -> str:

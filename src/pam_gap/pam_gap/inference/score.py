@@ -44,6 +44,9 @@ class Score:
         it, no background was fitted.
     unlisted : str
         Cause outside the table of effects that the hypothesis contains, as text.
+    cut_off : tuple of str
+        Effects whose size is at the far end of the range that is searched; with more of them the
+        hypothesis might explain more.
     """
 
     effects: tuple[str, ...]
@@ -54,6 +57,7 @@ class Score:
     ordinary: tuple[str, ...] = field(default=(), kw_only=True)
     simulated_sums: Array | None = field(default=None, kw_only=True)
     unlisted: str = field(default="", kw_only=True)
+    cut_off: tuple[str, ...] = field(default=(), kw_only=True)
 
     @property
     def simulated(self) -> Self:

@@ -59,7 +59,7 @@ def _twin_starts(twin: Candidate, member: Candidate, values: Array) -> tuple[Arr
     return ()
 
 
-class Search:
+class CandidateSearch:
     """One search over candidates.
 
     Parameters

@@ -21,24 +21,16 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 
 from pam_gap.live.live_gap import LiveGap, LiveWindow
+from pam_gap.live.monitor_help import HELP, PARAMETERS
 from pam_gap.recordings.recording import COMMANDS, JOINTS, PRESSURES
 from pam_model.errors import PamError
 from pam_model.rig import described_key, rig_of_node
 from pam_ros.diagnostics import OK, STALE, WARN, diagnostic_array, diagnostic_status
-from pam_ros.node_help import Endpoint, NodeHelp
-from pam_ros.parameters import NodeParameters, Parameter
-from pam_ros.program_name import PROGRAM
+from pam_ros.parameters import NodeParameters
 from pam_ros.spin import spin_node
 from pam_ros.subscriptions import subscribe
 from pam_ros.valve_command import ValveCommandFormat
 
-PARAMETERS = (
-    Parameter("window", 6.0, "s", 3.0, 60.0, "length of the window that is judged"),
-    Parameter("period", 1.0, "s", 0.2, 60.0, "how often the gap is reported"),
-    Parameter(
-        "warning_ratio", 5.0, "-", 1.0, 1e6, "gap over noise above which a warning is given", True
-    ),
-)
 _SENSED = QoSProfile(depth=200, reliability=ReliabilityPolicy.BEST_EFFORT)
 NAME = "pam_gap"
 
@@ -108,26 +100,6 @@ class MonitorNode(Node):  # type: ignore[misc]
         if gap.stage:
             text += f", largest at the {gap.stage} stage"
         return diagnostic_status(name, WARN if large else OK, text, values)
-
-
-HELP = NodeHelp(
-    program=f"{PROGRAM} gap monitor",
-    purpose="Watches a running rig and reports how far its measurements are from what its rig file "
-    "predicts, and at which stage they differ.",
-    parameters=PARAMETERS,
-    other_keys="the keys of the rig file, which docs/rig_file.md describes",
-    example="--ros-args --params-file config/elbow.yaml",
-    subscribes=(
-        Endpoint(
-            "valve_commands",
-            "sensor_msgs/JointState",
-            "position: spool opening from -1 to 1 of a flow valve; effort [Pa] of a regulator",
-        ),
-        Endpoint("pressure_states", "sensor_msgs/JointState", "effort: gauge pressure [Pa]"),
-        Endpoint("joint_states", "sensor_msgs/JointState", "position [rad]"),
-    ),
-    publishes=(Endpoint("/diagnostics", "diagnostic_msgs/DiagnosticArray", "the gap per joint"),),
-)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

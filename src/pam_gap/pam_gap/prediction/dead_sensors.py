@@ -58,7 +58,7 @@ def dead_pressure_sensors(problem: PredictionProblem) -> tuple[str, ...]:
     for data in problem.data:
         if not data.has_commands or data.recording.mounting == SHUT:
             continue
-        for i, muscle in enumerate(problem.rig.joints[problem.joint].muscles):
+        for i, muscle in enumerate(problem.muscles):
             name = problem.names[AGONIST_PRESSURE + i]
             supply = problem.rig.supply_pressure - problem.rig.gas.ambient_pressure
             is_flow = problem.rig.muscle(muscle).valve.kind == "flow"

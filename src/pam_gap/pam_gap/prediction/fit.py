@@ -32,7 +32,7 @@ Slopes = npt.NDArray[np.floating[Any]]
 """A Jacobian; kept ones have single precision, because many are kept."""
 Predictor = Callable[[Array], Array]
 """(lanes, parameters) -> whitened errors (lanes, blocks, channels); NaN without a measurement."""
-FitSteps = Generator[Array, Array, "FitResult"]
+FitSteps = Generator[Array, Array, "PlantFit"]
 """Yields lanes of parameters in own units, is sent their errors, and returns the result."""
 MOST_ACTIVE_SETS = 20
 
@@ -67,7 +67,7 @@ class FreeParameter:
 
 
 @dataclass(slots=True)
-class FitResult:
+class PlantFit:
     """The result of a fit.
 
     Attributes
@@ -229,7 +229,7 @@ def normal_equations(
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class FitStep:
     """One accepted step of a fit.
 
     Attributes
@@ -263,7 +263,7 @@ def best_step(
     attempts: int,
     objective: Callable[[Array, Array], Array],
     promise: float,
-) -> Generator[Array, Array, Step | None]:
+) -> Generator[Array, Array, FitStep | None]:
     """Try steps with several dampings; the best one that lowers the objective below `best`.
 
     The first step is tried alone. Where it brings what the Jacobian promises, the shorter ones are
@@ -292,7 +292,7 @@ def best_step(
         if values[winner] < best:
             next_damping = max(damping * (0.1, 30.0, 10.0)[winner], 1e-5)
             kept = kept and attempt == 0
-            return Step(lanes[winner], errors[winner], float(values[winner]), next_damping, kept)
+            return FitStep(lanes[winner], errors[winner], float(values[winner]), next_damping, kept)
         damping *= 1000.0
     return None
 
@@ -392,12 +392,12 @@ def fit_steps(
         if not is_small and (step.is_as_promised or was_as_promised):
             due = quick
         was_as_promised = step.is_as_promised
-    return FitResult(scaling.own(at), errors, best, running.jacobian, taken)
+    return PlantFit(scaling.own(at), errors, best, running.jacobian, taken)
 
 
 def fit_together(
     fits: Sequence[tuple[Callable[[Array], Array], FitSteps]], predict: Predictor
-) -> list[FitResult]:
+) -> list[PlantFit]:
     """Run several fits side by side: what all of them ask for next is simulated as one batch.
 
     Parameters
@@ -409,10 +409,10 @@ def fit_together(
 
     Returns
     -------
-    list of FitResult
+    list of PlantFit
         In the order of `fits`; each is the same as that of the fit alone.
     """
-    results: dict[int, FitResult] = {}
+    results: dict[int, PlantFit] = {}
     asked = {k: complete(next(steps)) for k, (complete, steps) in enumerate(fits)}
     while asked:
         errors = predict(np.concatenate(list(asked.values())))
@@ -437,7 +437,7 @@ def fit(
     floor: Array,
     max_iterations: int = 8,
     tolerance: float | None = None,
-) -> FitResult:
+) -> PlantFit:
     """Run one fit alone, as `fit_steps`; `predict` maps lanes in own units to whitened errors."""
     steps = fit_steps(
         free, start, rows=rows, floor=floor, max_iterations=max_iterations, tolerance=tolerance

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from pam_gap.prediction.bench_joint import wrong_bench_wiring
 from pam_gap.prediction.channel_order import BOTH_PRESSURES, POSITION, UNITS
 from pam_gap.prediction.channels import block_means
 from pam_gap.prediction.dead_sensors import dead_encoder, dead_pressure_sensors
@@ -72,8 +73,8 @@ def full_of_holes(problem: PredictionProblem) -> tuple[str, ...]:
 
 def blind_in(problem: PredictionProblem) -> BlindTime:
     """How much of the recordings is lost in holes."""
-    muscles = problem.rig.joints[problem.joint].muscles
-    return blind_time([data.recording for data in problem.data], muscles, problem.rules)
+    recordings = [data.recording for data in problem.data]
+    return blind_time(recordings, problem.muscles, problem.rules)
 
 
 def some_holes(problem: PredictionProblem) -> tuple[str, ...]:
@@ -93,7 +94,7 @@ def what_is_missing(problem: PredictionProblem) -> tuple[str, ...]:
     if not problem.present.any():
         return (
             "No channel can be compared with a prediction: this needs valve commands, a joint "
-            "position that changes, or muscle forces, and both pressures.",
+            "position that changes, or muscle forces, and the pressure of every muscle.",
         )
     missing = []
     seconds = float(counted_seconds(problem).max())
@@ -121,7 +122,8 @@ def what_is_missing(problem: PredictionProblem) -> tuple[str, ...]:
         )
     dead = (*dead_encoder(problem), *dead_pressure_sensors(problem))
     found = (*full_of_holes(problem), *missing, *dead, *saturated_channels(problem))
-    return tuple(dict.fromkeys(found)) or wrong_wiring(problem)
+    wiring = wrong_bench_wiring if problem.is_bench else wrong_wiring
+    return tuple(dict.fromkeys(found)) or wiring(problem)
 
 
 def cautions(problem: PredictionProblem) -> tuple[str, ...]:

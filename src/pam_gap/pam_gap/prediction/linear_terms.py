@@ -15,9 +15,9 @@ import numpy.typing as npt
 
 from pam_gap.prediction.fit import (
     Array,
-    FitResult,
     FitSteps,
     FreeParameter,
+    PlantFit,
     Scaling,
     Slopes,
     bounded_step,
@@ -119,7 +119,7 @@ def fit_steps_with_terms(
             try:
                 lanes = steps.send((yield lanes) + kept)
             except StopIteration as end:
-                found: FitResult = end.value
+                found: PlantFit = end.value
                 return replace(found, amounts=amounts)
     k = len(terms.free)
     inside = np.clip(start, [p.low for p in free], [p.high for p in free])
@@ -143,7 +143,7 @@ def fit_steps_with_terms(
             lanes = steps.send(errors)
         except StopIteration as end:
             found = end.value
-            return FitResult(
+            return PlantFit(
                 found.values[k:],
                 found.errors,
                 found.objective,

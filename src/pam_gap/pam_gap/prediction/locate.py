@@ -141,6 +141,17 @@ def late_channels(problem: PredictionProblem, errors: Array) -> tuple[tuple[str,
     return tuple(found)
 
 
+POSITIONS = (
+    "flexed towards the antagonist",
+    "middle positions",
+    "flexed towards the agonist",
+    "moving up",
+    "moving down",
+)
+LENGTHS = ("long muscle", "medium lengths", "short muscle", "shortening", "lengthening")
+"""The same regimes of a muscle on a bench, whose invented joint turns as it shortens."""
+
+
 def regimes(problem: PredictionProblem, errors: Array) -> tuple[tuple[str, float], ...]:
     """Share of the squared error in each regime over its share of the time, largest first.
 
@@ -156,7 +167,7 @@ def regimes(problem: PredictionProblem, errors: Array) -> tuple[tuple[str, float
         problem.data, problem.offsets[:-1], problem.offsets[1:], strict=True
     ):
         mean_of = block_means(data.measured, problem.block)
-        pressure[start:end] = mean_of[:, BOTH_PRESSURES].mean(axis=1)
+        pressure[start:end] = mean_of[:, BOTH_PRESSURES][:, : len(problem.sides)].mean(axis=1)
         position[start:end] = mean_of[:, POSITION]
         step = problem.block * data.recording.sample_time
         wide = max(1, round(0.04 / step))
@@ -167,14 +178,15 @@ def regimes(problem: PredictionProblem, errors: Array) -> tuple[tuple[str, float
     quick = float(np.quantile(np.abs(speed), 0.75))
     rest = 0.1 * quick
     time = np.arange(problem.n_rows) / problem.n_rows
+    far, middle_part, near, up, down = LENGTHS if problem.is_bench else POSITIONS
     masks = {
         "low pressure": pressure < middle,
         "high pressure": pressure >= middle,
-        "flexed towards the antagonist": position < cuts[0],
-        "middle positions": (position >= cuts[0]) & (position < cuts[1]),
-        "flexed towards the agonist": position >= cuts[1],
-        "moving up": speed > rest,
-        "moving down": speed < -rest,
+        far: position < cuts[0],
+        middle_part: (position >= cuts[0]) & (position < cuts[1]),
+        near: position >= cuts[1],
+        up: speed > rest,
+        down: speed < -rest,
         "at rest": np.abs(speed) <= rest,
         "fast motion": np.abs(speed) > quick,
         "first half of the time": time < 0.5,
@@ -211,7 +223,9 @@ def locate(problem: PredictionProblem, values: Array, errors: Array) -> Location
                     problem,
                     values,
                     (AGONIST_PRESSURE, ANTAGONIST_PRESSURE),
-                    PredictionSettings(follow_motion=bool(problem.present[POSITION])),
+                    PredictionSettings(
+                        follow_motion=problem.is_bench or bool(problem.present[POSITION])
+                    ),
                 ),
             )
         )
@@ -228,13 +242,15 @@ def locate(problem: PredictionProblem, values: Array, errors: Array) -> Location
     stages.append(
         StageGap(
             "muscle",
-            "measured pressures and position -> pulls",
+            "measured pressures and motion -> pulls",
             pulls,
             "" if pulls is not None else "no load cells: muscle and joint are judged together",
         )
     )
-    moved = motion_from_pulls(problem)
-    if moved is not None:
+    moved = None if problem.is_bench else motion_from_pulls(problem)
+    if problem.is_bench:
+        stages.append(StageGap("joint", "", None, "a bench without a joint"))
+    elif moved is not None:
         stages.append(StageGap("joint", "measured pulls -> position", moved))
     else:
         stages.append(

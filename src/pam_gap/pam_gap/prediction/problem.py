@@ -46,6 +46,7 @@ from pam_model.plant.layout import (
     Y_POSITION,
     Y_RESERVOIR,
 )
+from pam_model.plant.layout import MUSCLES as SIDES
 from pam_model.plant.parameters import INDEX, PlantParameters
 from pam_model.plant.sensors import K_BIAS, K_GAIN, K_OFFSET, N_MUSCLE_SENSORS, sensor_constants
 from pam_model.rig import Rig
@@ -151,6 +152,9 @@ class PredictionProblem:
         Number of lanes that are simulated in parallel.
     usual : PredictionSettings
         How strongly predictions are corrected where nothing else is said.
+    sides : int
+        Number of muscles that exist: 1 for a muscle on a bench, whose joint is invented
+        (`pam_gap.prediction.bench_joint`).
     """
 
     def __init__(
@@ -162,9 +166,11 @@ class PredictionProblem:
         rules: Rules = DEFAULT,
         threads: int = 1,
         usual: PredictionSettings = AS_FITTED,
+        sides: int = 2,
     ) -> None:
         self.rig = rig
         self.usual = usual
+        self.sides = SIDES[:sides]
         self.joint = joint
         self.names = channel_names(rig, joint)
         self.rules = rules
@@ -193,6 +199,16 @@ class PredictionProblem:
         )
         self.counted = self.row_time > rules.prediction.settling
         self.simulations = 0.0
+
+    @property
+    def is_bench(self) -> bool:
+        """Whether the joint is invented, and nothing of it is known but one muscle."""
+        return len(self.sides) == 1
+
+    @property
+    def muscles(self) -> tuple[str, ...]:
+        """Names of the muscles that exist."""
+        return self.rig.joints[self.joint].muscles[: len(self.sides)]
 
     @property
     def n_rows(self) -> int:

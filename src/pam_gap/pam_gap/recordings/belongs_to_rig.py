@@ -19,11 +19,7 @@ from pam_gap.recordings.recording import (
 from pam_model.rig import Rig
 from pam_ros.foreign_text import MOST
 
-NO_JOINT = (
-    "the rig file has no joint; expected one to diagnose. A muscle on a bench (`bench_muscles`) "
-    "cannot be diagnosed: `pam gap calibrate` finds its numbers from a log of pressure, length and "
-    "force, `pam model fit` from a table without time"
-)
+NO_JOINT = "the rig file has no joint, and no bench_muscles; expected one of them to diagnose"
 
 
 def joints_recorded(rig: Rig, recordings: Sequence[Recording]) -> list[int]:
@@ -48,6 +44,36 @@ def joints_recorded(rig: Rig, recordings: Sequence[Recording]) -> list[int]:
             f"{PRESSURES}<muscle>: expected {pairs}, as in the rig file; recorded are {held}"
         )
     return found
+
+
+def refuse_no_bench(rig: Rig, needed: Sequence[str], recordings: Sequence[Recording]) -> None:
+    """Refuse recordings that hold no muscle on a bench, with what is missing.
+
+    Parameters
+    ----------
+    rig : Rig
+        A rig without joints.
+    needed : sequence of str
+        Channels that are needed for its first bench muscle; empty if it has none.
+    recordings : sequence of Recording
+        The recordings.
+
+    Raises
+    ------
+    RecordingError
+        Always.
+    """
+    if not needed:
+        raise RecordingError(NO_JOINT)
+    for recording in recordings:
+        missing = [name for name in needed if not recording.has(name)]
+        if missing:
+            raise RecordingError(
+                f"{recording.source}: {', '.join(missing)} is not recorded; expected "
+                f"{', '.join(needed)} for a muscle on a bench; recorded are "
+                f"{_listed(sorted(recording.values))}"
+            )
+    raise RecordingError(NO_JOINT)
 
 
 def refuse_other_rig(rig: Rig, joint: int, recordings: Sequence[Recording]) -> None:

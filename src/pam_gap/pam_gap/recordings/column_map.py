@@ -9,11 +9,13 @@ contract, the unit, a scale, an offset and a sign::
       pressure_states.elbow_extensor: {columns: {p_mean: 1, p_difference: -0.5}, unit: bar}
       joint_states.elbow.position: {column: phi, unit: deg, sign: -1, offset: 0.02}
       valve_commands.elbow_flexor: {column: u1, scale: 0.01}
+      muscle_states.elbow_flexor.position: {held: 182, unit: mm}
 
 A value becomes sign * scale * column in SI units, plus the offset in SI units. `columns` in place
-of `column` is a weighted sum. For an absolute pressure the ambient one, 101 325 Pa, is subtracted
-unless `ambient` says otherwise. The columns of a bag are its topics and fields (`bag_columns`),
-with stamps of their own, so that its map has neither `time` nor `rate`.
+of `column` is a weighted sum. `held` in place of both is one value for the whole recording, such as
+the length at which a muscle is held, which no sensor measures. For an absolute pressure the ambient
+one, 101 325 Pa, is subtracted unless `ambient` says otherwise. The columns of a bag are its topics
+and fields (`bag_columns`), with stamps of their own, so that its map has neither `time` nor `rate`.
 """
 
 from __future__ import annotations
@@ -54,7 +56,9 @@ _UNITS = (
     (MUSCLES, ".effort", "N"),
 )
 """Beginning and end of the name of a channel, and its unit."""
-_KEYS = frozenset({"column", "columns", "unit", "scale", "offset", "sign", "absolute", "ambient"})
+_KEYS = frozenset(
+    {"column", "columns", "held", "unit", "scale", "offset", "sign", "absolute", "ambient"}
+)
 
 
 LARGEST_MAP: Final = 1 << 20
@@ -77,7 +81,7 @@ class MappedColumn:
     Attributes
     ----------
     column : str
-        The column; the first of a weighted sum.
+        The column; the first of a weighted sum. Empty for a value that is held, the offset.
     factor, offset : float
         Factor to the unit of the channel, and what is added in that unit.
     weight : float
@@ -95,7 +99,7 @@ class MappedColumn:
     @property
     def columns(self) -> tuple[str, ...]:
         """All columns of which the channel is made."""
-        return (self.column, *(name for name, _ in self.more))
+        return (self.column, *(name for name, _ in self.more)) if self.column else ()
 
     def values(self, columns: Mapping[str, Array]) -> Array:
         """The channel's values; the columns must exist."""
@@ -138,7 +142,8 @@ class ColumnMap:
         if self.time is None and not self.rate:
             raise RecordingError(f"{self.source}: expected either `time` or `rate` [Hz]")
         self._refuse_missing(path, columns)
-        result = {name: entry.values(columns) for name, entry in self.channels.items()}
+        measured = {name: entry for name, entry in self.channels.items() if entry.column}
+        result = {name: entry.values(columns) for name, entry in measured.items()}
         count = min((values.size for values in result.values()), default=0)
         if self.time is not None:
             result["time"] = self.time.values(columns)
@@ -148,7 +153,9 @@ class ColumnMap:
         if len(set(sizes.values())) > 1:
             told = ", ".join(f"{name} {size}" for name, size in sizes.items())
             raise RecordingError(f"{path}: the columns differ in length ({told})")
-        return result
+        for name in self.channels.keys() - measured.keys():
+            result[name] = np.full(result["time"].size, self.channels[name].offset)
+        return {name: result[name] for name in (*self.channels, "time")}
 
     @property
     def columns(self) -> frozenset[str]:
@@ -181,6 +188,8 @@ class ColumnMap:
         self._refuse_missing(path, columns)
         result = {}
         for channel, entry in self.channels.items():
+            if not entry.column:
+                continue
             time = columns[entry.column].time
             if any(not np.array_equal(columns[name].time, time) for name in entry.columns):
                 raise RecordingError(
@@ -189,6 +198,11 @@ class ColumnMap:
                 )
             values = {name: columns[name].value for name in entry.columns}
             result[channel] = RawChannel(time, entry.values(values))
+        longest = max(result.values(), key=lambda raw: raw.time.size).time
+        for channel in self.channels.keys() - result.keys():
+            result[channel] = RawChannel(
+                longest, np.full(longest.size, self.channels[channel].offset)
+            )
         return result
 
 
@@ -225,11 +239,18 @@ def _column(channel: str, entry: Any, source: Path) -> MappedColumn:
     where = f"{source}: {channel if unit_of(channel) != '?' else shown(channel)}"
     if isinstance(entry, str):
         return MappedColumn(entry)
-    if not isinstance(entry, Mapping) or not (
-        isinstance(entry.get("column"), str) ^ isinstance(entry.get("columns"), Mapping)
+    if (
+        not isinstance(entry, Mapping)
+        or [
+            isinstance(entry.get("column"), str),
+            isinstance(entry.get("columns"), Mapping),
+            "held" in entry,
+        ].count(True)
+        != 1
     ):
         raise RecordingError(
-            f"{where}: expected the name of a column, or a mapping with `column`, or with `columns`"
+            f"{where}: expected the name of a column, or a mapping with one of `column`, `columns` "
+            "and `held`"
         )
     unknown = sorted(set(map(str, entry)) - _KEYS)
     if unknown:
@@ -242,6 +263,11 @@ def _column(channel: str, entry: Any, source: Path) -> MappedColumn:
     sign = _number(entry, "sign", 1.0, where)
     if abs(sign) != 1.0 or factor == 0.0 or not math.isfinite(factor):
         raise RecordingError(f"{where}: expected a sign of 1 or -1 and a finite scale other than 0")
+    if "held" in entry:
+        if not channel.endswith(".position"):
+            raise RecordingError(f"{where}: only a length or a position can be `held`")
+        held = _number(entry, "held", 0.0, where)
+        return MappedColumn("", 0.0, sign * factor * held + _number(entry, "offset", 0.0, where))
     offset = _number(entry, "offset", 0.0, where)
     if entry.get("absolute", False):
         if not channel.startswith(PRESSURES):
@@ -281,7 +307,10 @@ def _map_of(content: Any, source: Path) -> ColumnMap:
         )
     if "time" in content and "rate" in content:
         raise RecordingError(f"{source}: expected either `time` or `rate` [Hz]")
-    if not content["channels"]:
+    if not any(
+        not isinstance(entry, Mapping) or "held" not in entry
+        for entry in content["channels"].values()
+    ):
         raise RecordingError(f"{source}: `channels` is empty: no column is mapped")
     strangers = [str(name) for name in content["channels"] if unit_of(str(name)) in ("?", "s")]
     if strangers:

@@ -36,7 +36,7 @@ RIGHT_ANGLE = 0.3
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class EncoderReading:
     """How a recorded position follows from the angle of the joint.
 
     Attributes
@@ -111,7 +111,7 @@ def equilibria(rig: Rig, joint: int, pressures: Array) -> Array:
     return found
 
 
-def encoder_reading(rig: Rig, joint: int, recording: Recording) -> Reading | None:
+def encoder_reading(rig: Rig, joint: int, recording: Recording) -> EncoderReading | None:
     """How the recorded position follows from the angle of the joint; None if it does not show.
 
     Parameters
@@ -145,4 +145,4 @@ def encoder_reading(rig: Rig, joint: int, recording: Recording) -> Reading | Non
     unit, size = min(UNITS.items(), key=lambda pair: abs(math.log(factor / pair[1])))
     if abs(math.log(factor / size)) > math.log(SAME_UNIT):
         return None
-    return Reading(unit, sign < 0.0, float(np.median(shown / size - sign * angle)))
+    return EncoderReading(unit, sign < 0.0, float(np.median(shown / size - sign * angle)))

@@ -85,14 +85,24 @@ def refuse_other_units(rig: Rig, joint: int, recordings: Sequence[Recording]) ->
         can be recognised, the unit and how to convert it.
     """
     for recording in recordings:
-        _check_time(recording)
-        _check_pressures(rig, joint, recording)
-        _check_supply(rig, recording)
+        _check_muscles(rig, rig.joints[joint].muscles, recording)
         _check_position(rig, joint, recording)
-        for muscle in rig.joints[joint].muscles:
-            _check_command(rig, muscle, recording)
-            _check_absolute(rig, muscle, recording)
-            _check_force_and_length(rig, muscle, recording)
+
+
+def refuse_other_units_on_bench(rig: Rig, muscle: str, recordings: Sequence[Recording]) -> None:
+    """Refuse recordings of one muscle on a bench, as `refuse_other_units` does those of a joint."""
+    for recording in recordings:
+        _check_muscles(rig, (muscle,), recording)
+
+
+def _check_muscles(rig: Rig, muscles: Sequence[str], recording: Recording) -> None:
+    _check_time(recording)
+    _check_pressures(rig, muscles, recording)
+    _check_supply(rig, recording)
+    for muscle in muscles:
+        _check_command(rig, muscle, recording)
+        _check_absolute(rig, muscle, recording)
+        _check_force_and_length(rig, muscle, recording)
 
 
 def _refuse(recording: Recording, channel: str, seen: str, expected: str, hint: str = "") -> None:
@@ -112,9 +122,9 @@ def _check_time(recording: Recording) -> None:
     _refuse(recording, "time", f"advances by {step:.4g} per sample", "seconds", hint)
 
 
-def _check_pressures(rig: Rig, joint: int, recording: Recording) -> None:
+def _check_pressures(rig: Rig, muscles: Sequence[str], recording: Recording) -> None:
     supply = rig.supply_pressure - rig.gas.ambient_pressure
-    channels = [f"{PRESSURES}{m}" for m in rig.joints[joint].muscles]
+    channels = [f"{PRESSURES}{m}" for m in muscles]
     sizes = [_largest(recording, channel) for channel in channels]
     largest = max(sizes)
     ambient = rig.gas.ambient_pressure
@@ -269,6 +279,11 @@ def _check_force_and_length(rig: Rig, muscle: str, recording: Recording) -> None
         low, high = (share * entry.rest_length for share in LENGTHS)
         if not low <= largest <= high:
             hint = conversion_hint(largest, "m", low, high)
+            if largest < low:
+                hint = (
+                    "; if this is how far it has moved, add the length at 0 to it: a map with "
+                    "`offset` in m, and `sign: -1` if it grows as the muscle shortens"
+                )
             expected = f"m, near the rest length {entry.rest_length:.3g} of the rig file"
             _refuse(recording, length, f"reaches {largest:.4g}", expected, hint)
     force = f"{MUSCLES}{muscle}.effort"

@@ -75,7 +75,7 @@ def without_still(
     )
     finest = finest_deviations(rig, joint, rules)
     notes: list[str] = []
-    silent: set[str] = set()
+    silent: set[str] = set(recording.silent)
     mounting = recording.mounting
     found_still = False
     for name, least in zip(names, finest.tolist(), strict=True):

@@ -175,6 +175,16 @@ class DecisionRules:
         "calibrated.",
         acts=PROPOSAL,
     )
+    cut_off_share: float = rule(
+        0.5,
+        unit="of the distance to the best hypothesis",
+        decides="How far a hypothesis whose size is at the end of the range that is searched moves "
+        "towards the best one in the probabilities, if it explains most of the gap.",
+        trades="Larger: causes next to such a hypothesis are less sure. Smaller: the bound of a "
+        "range decides between causes.",
+        origin="The middle between the level that was reached and the best one, since nothing is "
+        "known of what more of the effect would explain.",
+    )
     tempering: float = rule(
         3.5,
         unit="-",

@@ -173,7 +173,7 @@ ROWS: tuple[CatalogueRow, ...] = (
         "Tube: delay, laminar flow, attenuation, ISO 6358 numbers",
         "-",
         "derived; attenuation and ISO numbers unverified",
-        objects=("pam_model.atlas.supply.tube:Tube",),
+        objects=("pam_model.atlas.supply.tube:StraightTube",),
         domain="laminar law below a Reynolds number of 2300",
         use="deciding where to place the valve",
         avoid="turbulent flow: the laminar law does not hold",

@@ -28,7 +28,7 @@ from pam_model.atlas.phenomenological.three_element import ThreeElementMuscle
 from pam_model.atlas.supply.bandwidth import SupplyLine
 from pam_model.atlas.supply.fill_time import fill_time
 from pam_model.atlas.supply.thermal_chamber import ThermalChamber
-from pam_model.atlas.supply.tube import Tube
+from pam_model.atlas.supply.tube import StraightTube
 from pam_model.identify.fit import fit
 from pam_model.identify.fit_figures import draw_fit
 from pam_model.identify.measurements import Measurements
@@ -361,7 +361,7 @@ def tube() -> Figure:
     figure, (left, right) = new_figure(2)
     lengths = np.linspace(0.1, 5.0, 60)
     for diameter in (2e-3, 4e-3, 6e-3):
-        tubes = [Tube(float(length), diameter) for length in lengths]
+        tubes = [StraightTube(float(length), diameter) for length in lengths]
         label = f"{1e3 * diameter:g} mm"
         left.plot(lengths, [t.conductance * 1e8 for t in tubes], label=label)
         right.plot(lengths, [t.attenuation(3e5) for t in tubes], label=label)
@@ -378,7 +378,7 @@ def supply_bandwidth() -> Figure:
     filled = np.linspace(0.0, 0.8, 60)
     for line, length in (("-", 0.0), ("--", 2.0)):
         for diameter in (0.002, 0.004) if length else (0.004,):
-            pipe = Tube(length, diameter) if length else None
+            pipe = StraightTube(length, diameter) if length else None
             rates = [
                 SupplyLine(
                     1e-4, 1e-8, dead_volume=2e-5, filler_volume=1e-4 * float(f), tube=pipe

@@ -57,6 +57,7 @@ TARGETS: Mapping[str, Target] = {
     "reservoir.volume": Target("joint", 1e-3, True),  # m^3
     "dead_volume": Target("muscle"),  # m^3
     "contraction_factor": Target("muscle"),  # factor on the contraction ratio
+    "threshold_pressure": Target("muscle", 0.0),  # Pa, below which nothing pulls
     "valve.time_constant": Target("muscle"),  # s
     "valve.exhaust_ratio": Target("muscle", 1.0),  # exhaust over supply conductance
     "valve.command_delay": Target("muscle", 0.0),  # s

@@ -38,6 +38,7 @@ _NEVER_COMPILED = (
     "command_history",
     "compile_beside",
     "constants",
+    "default_step",
     "force_table",
     "lane_choice",
     "parameters",

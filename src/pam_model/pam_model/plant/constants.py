@@ -222,6 +222,7 @@ def _muscle_constants(
     c[m + lay.M_NEUTRAL] = written("neutral_length")
     c[m + lay.M_DEAD] = max(adjusted("dead_volume"), 1e-7)
     c[m + lay.M_FACTOR] = adjusted("contraction_factor")
+    c[m + lay.M_THRESHOLD] = adjusted("threshold_pressure")
     c[m + lay.M_SHORTEST], c[m + lay.M_LONGEST] = shortest, longest
     c[m + lay.M_TABLE_STEP] = written("table_pressure_step")
     c[m + lay.M_REGULATOR] = written("valve.kind")

@@ -86,6 +86,7 @@ MUSCLE_NOMINAL = (
     M_NEUTRAL,
     M_DEAD,
     M_FACTOR,
+    M_THRESHOLD,
     M_SHORTEST,
     M_LONGEST,
     M_TABLE_STEP,
@@ -105,7 +106,7 @@ MUSCLE_NOMINAL = (
     M_THERMAL,
     M_SHUT_EXPONENT,
     M_THREAD,
-) = range(29)
+) = range(30)
 
 
 @dataclass(frozen=True, slots=True)

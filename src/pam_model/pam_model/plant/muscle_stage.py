@@ -27,6 +27,7 @@ from pam_model.plant.layout import (
     M_TABLE,
     M_TABLE_STEP,
     M_THREAD,
+    M_THRESHOLD,
     M_WALL,
 )
 
@@ -70,9 +71,10 @@ def braid_force(
     """Pull without friction, creep or cable [N], its dF/dL [N/m] and dF/dp [m^2]."""
     effective = length_inside_caps(length, c[m + M_REST], c[m + M_FACTOR])
     b = c[m + M_B]
+    pulling = pressure - c[m + M_THRESHOLD]
     if c[m + M_TABLE] > 0.0:
         effective = min(max(effective, c[m + M_SHORTEST]), c[m + M_LONGEST])
-        force, slope, area = table_force(m, c, table, pressure, effective)
+        force, slope, area = table_force(m, c, table, pulling, effective)
         slope *= c[m + M_FACTOR]
     else:
         scale = c[m + M_SCALE]
@@ -86,8 +88,8 @@ def braid_force(
             slope_by_b = cosine * cosecant * (2.0 + cosecant * cosecant)
             area += math.pi * wall * (c[m + M_D90] * (2.0 * sine - cosecant) - wall)
             area_slope -= math.pi * wall * c[m + M_D90] * c[m + M_PER_B] * slope_by_b
-        force = pressure * area
-        slope = pressure * area_slope * c[m + M_FACTOR]
+        force = pulling * area
+        slope = pulling * area_slope * c[m + M_FACTOR]
     if c[m + M_THREAD] > 0.0:
         stretched, by_pressure, by_length = thread(m, c, pressure, length)
         scale = c[m + M_SCALE]

@@ -16,13 +16,13 @@ from pam_model.errors import PamError
 from pam_model.plant import layout as lay
 from pam_model.plant.compiled import HAVE_NUMBA, for_kernel
 from pam_model.plant.constants import derive_constants
+from pam_model.plant.default_step import DEFAULT_STEP
 from pam_model.plant.kernel import record
 from pam_model.plant.lane_blocks import blocks_of_lanes
 from pam_model.plant.lane_choice import lane_kernels
 from pam_model.plant.own_commands_kernel import SteppedBlock
 from pam_model.plant.parameters import NAMES, PlantParameters
 from pam_model.plant.sensors import SensorBank
-from pam_model.plant.simulate import DEFAULT_STEP
 
 Array = npt.NDArray[np.float64]
 

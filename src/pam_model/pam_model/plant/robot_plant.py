@@ -18,9 +18,10 @@ from pam_model.plant import layout as lay
 from pam_model.plant.command_history import CommandHistory
 from pam_model.plant.compiled import for_kernel
 from pam_model.plant.constants import derive_constants
+from pam_model.plant.default_step import DEFAULT_STEP
 from pam_model.plant.parameters import PlantParameters
 from pam_model.plant.robot_kernel import N_ROWS, run_robot
-from pam_model.plant.simulate import DEFAULT_STEP, Plant, initial_state
+from pam_model.plant.simulate import Plant, initial_state
 
 Array = npt.NDArray[np.float64]
 Reading = tuple[float, float, float]

@@ -27,6 +27,7 @@ from pam_model.plant.command_history import CommandHistory
 from pam_model.plant.compile_beside import CompileBeside
 from pam_model.plant.compiled import HAVE_NUMBA, for_kernel
 from pam_model.plant.constants import derive_constants
+from pam_model.plant.default_step import DEFAULT_STEP
 from pam_model.plant.kernel import record, run
 from pam_model.plant.lane_blocks import Lanes, blocks_of_lanes
 from pam_model.plant.lane_choice import FEW_WITH_CABLE, VECTOR, LaneKernel
@@ -47,7 +48,6 @@ from pam_model.plant.trajectory import Trajectory
 
 Array = npt.NDArray[np.float64]
 
-DEFAULT_STEP = 2.5e-4  # s
 _KERNELS = CompileBeside("run_block")
 
 

@@ -112,6 +112,7 @@ def _joint(place: int, joint: Joint, arms: tuple[Arm, ...]) -> RobotJoint:
 def _muscle(rig: Rig, place: int, muscle: Muscle, arms: tuple[Arm, ...]) -> RobotMuscle:
     number = _numbers(muscle.effects)
     factor = number("contraction_factor", 1.0)
+    threshold = number("threshold_pressure", None)
     compliance = number("series_compliance", None)
     applied = _laws(muscle.effects, "muscle")
     geometry = muscle.geometry
@@ -121,9 +122,9 @@ def _muscle(rig: Rig, place: int, muscle: Muscle, arms: tuple[Arm, ...]) -> Robo
         model=muscle.model,
         geometry=geometry,
         constants=tuple(sorted(muscle.model_parameters.items())),
-        static_effects=(factor, compliance),
+        static_effects=(factor, threshold, compliance),
         force_model=static_force_model(
-            rig.force_model(muscle.name), geometry, factor, compliance, applied
+            rig.force_model(muscle.name), geometry, factor, threshold, compliance, applied
         ),
         neutral_length=muscle.neutral_length,
         arms=arms,

@@ -33,6 +33,7 @@ def static_force_model(
     nominal: ForceModel,
     geometry: MuscleGeometry,
     factor: float,
+    threshold: float,
     compliance: float,
     laws: Sequence[AppliedLaw],
 ) -> ForceModel:
@@ -46,6 +47,8 @@ def static_force_model(
         Of the ideal muscle.
     factor : float
         On the contraction ratio [-].
+    threshold : float
+        Pressure that does not pull [Pa].
     compliance : float
         Of the cable between muscle and joint [m/N].
     laws : sequence of AppliedLaw
@@ -59,9 +62,9 @@ def static_force_model(
     """
     model = nominal
     pulls = tuple((slot.law, values) for _, slot, values in laws if isinstance(slot, PassivePull))
-    if factor != 1.0 or pulls:
+    if factor != 1.0 or threshold != 0.0 or pulls:
         kind = _AffineEnds if isinstance(model, AffineForceModel) else _Ends
-        model = kind(model, geometry.rest_length, factor, pulls)
+        model = kind(model, geometry.rest_length, factor, threshold, pulls)
     for _, slot, values in laws:
         if isinstance(slot, Thread):
             model = _ExtensibleBraid(model, geometry, slot.law, values)
@@ -138,18 +141,19 @@ class _Wrapper(ClosedChamber):
 
 
 class _Ends(_Wrapper):
-    """The nominal force at a multiple of the contraction, plus passive pulls."""
+    """The nominal force at a multiple of the contraction and less pressure, plus passive pulls."""
 
     def __init__(
         self,
         inner: ForceModel,
         rest_length: float,
         factor: float,
+        threshold: float,
         pulls: tuple[tuple[Law2, tuple[float, ...]], ...],
     ) -> None:
         super().__init__(inner)
         self._rest = rest_length
-        self._factor, self._pulls = factor, pulls
+        self._factor, self._threshold, self._pulls = factor, threshold, pulls
 
     @property
     def length_bounds(self) -> tuple[float, float]:
@@ -162,6 +166,10 @@ class _Ends(_Wrapper):
     def _inside(self, length: float) -> float:
         return length_inside_caps(length, self._rest, self._factor)
 
+    def _pulling(self, pressure: float) -> float:
+        """The part of the pressure that pulls [Pa]; models that are not affine end at 0."""
+        return max(pressure - self._threshold, 0.0) if self._threshold > 0.0 else pressure
+
     def _passive(self, length: float) -> tuple[float, float]:
         """Passive pull [N] and its slope [N/m]."""
         pull = slope = 0.0
@@ -171,11 +179,13 @@ class _Ends(_Wrapper):
         return pull, slope
 
     def force(self, pressure: float, length: float, velocity: float = 0.0) -> float:
-        braid = self.inner.force(pressure, self._inside(length), self._factor * velocity)
+        pulling = self._pulling(pressure)
+        braid = self.inner.force(pulling, self._inside(length), self._factor * velocity)
         return float(braid) + self._passive(length)[0]
 
     def stiffness(self, pressure: float, length: float) -> float:
-        braid = self._factor * float(self.inner.stiffness(pressure, self._inside(length)))
+        pulling = self._pulling(pressure)
+        braid = self._factor * float(self.inner.stiffness(pulling, self._inside(length)))
         return braid + self._passive(length)[1]
 
 
@@ -184,14 +194,18 @@ class _AffineEnds(_Ends):
 
     inner: AffineForceModel
 
+    def _pulling(self, pressure: float) -> float:
+        return pressure - self._threshold
+
     def coefficients(self, length: float) -> tuple[float, float]:
         scale, passive = self.inner.coefficients(self._inside(length))
-        return float(scale), float(passive) + self._passive(length)[0]
+        pull = float(passive) - self._threshold * float(scale)
+        return float(scale), pull + self._passive(length)[0]
 
     def coefficient_slopes(self, length: float) -> tuple[float, float]:
         scale, passive = self.inner.coefficient_slopes(self._inside(length))
-        rate = self._factor * float(passive) + self._passive(length)[1]
-        return self._factor * float(scale), rate
+        rate = self._factor * (float(passive) - self._threshold * float(scale))
+        return self._factor * float(scale), rate + self._passive(length)[1]
 
     def pressure_slope(self, pressure: float, length: float) -> float:
         return self.coefficients(length)[0]

@@ -60,7 +60,7 @@ def largest_torque(robot: Robot, joint: RobotJoint) -> float:
     )
 
 
-class NotHeld(NamedTuple):
+class AngleNotHeld(NamedTuple):
     """An angle that the muscles cannot hold.
 
     Attributes
@@ -76,14 +76,14 @@ class NotHeld(NamedTuple):
     muscles: float
 
 
-def first_angle_not_held(robot: Robot, joint: RobotJoint) -> NotHeld | None:
+def first_angle_not_held(robot: Robot, joint: RobotJoint) -> AngleNotHeld | None:
     """The first of five angles over a joint's range where gravity is stronger than the muscles.
 
     Parameters and errors are those of `torque_range`.
 
     Returns
     -------
-    NotHeld or None
+    AngleNotHeld or None
         None if the joint can stay at all five angles.
     """
     lower, upper = joint.position_limits
@@ -93,5 +93,5 @@ def first_angle_not_held(robot: Robot, joint: RobotJoint) -> NotHeld | None:
         least, most = torque_range(robot, joint, position)
         against = most if gravity < 0.0 else least
         if abs(gravity) > abs(against):
-            return NotHeld(position, abs(gravity), abs(against))
+            return AngleNotHeld(position, abs(gravity), abs(against))
     return None

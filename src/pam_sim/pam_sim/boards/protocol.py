@@ -12,11 +12,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from pam_driver.boards.protocol import Frame, KindOptions, WiredBoard
 from pam_model.errors import PamError, RigError
-from pam_model.rig import Muscle
+
+if TYPE_CHECKING:
+    from pam_model.rig import Muscle
 
 OVER_PRESSURE_SHARE = 1.1  # ratio of a board's own limit to the muscle's max_pressure
 

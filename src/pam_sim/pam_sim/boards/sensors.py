@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import numpy as np
-
 from pam_model.errors import PamError
 
 
@@ -52,6 +50,8 @@ class BoardSensors:
     BLOCK = 1024
 
     def __init__(self, quality: SensorQuality, seed: tuple[int, ...]) -> None:
+        import numpy as np  # noqa: PLC0415  (the node's --help needs the defaults above alone)
+
         self._quality = quality
         self._random = np.random.default_rng(seed)
         self._noise: list[float] = []

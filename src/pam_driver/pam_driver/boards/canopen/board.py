@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Final
 
-from pam_driver.boards.canopen.boot import Boot, Stage
+from pam_driver.boards.canopen.boot import Boot, BootStage
 from pam_driver.boards.canopen.device import (
     BOOT_UP,
     NMT,
@@ -22,7 +22,7 @@ from pam_driver.boards.canopen.device import (
 )
 from pam_driver.boards.canopen.emergency import emergency_text
 from pam_driver.boards.canopen.host import Host
-from pam_driver.boards.canopen.measurements import Measurements
+from pam_driver.boards.canopen.measurements import PdoSamples
 from pam_driver.boards.frame_errors import (
     ForeignCommandError,
     FrameError,
@@ -97,7 +97,7 @@ class CanopenBoard:
             tuple(pdo.frame_id for pdo in device.commands),
             tuple(service),
         )
-        self._measured = Measurements(wired, node, device.answers, self._heard_pdo)
+        self._measured = PdoSamples(wired, node, device.answers, self._heard_pdo)
         self.pressures, self.angles = self._measured.pressures, self._measured.angles
         self.availability = self._measured.availability
         self.host_fault = False
@@ -131,17 +131,17 @@ class CanopenBoard:
     @property
     def follows(self) -> bool:
         """Whether the device is operational and was last sent set points that do not vent."""
-        running = self.boot.stage is Stage.DONE and self._state == OPERATIONAL
+        running = self.boot.stage is BootStage.DONE and self._state == OPERATIONAL
         return running and not self._venting
 
     def command(self, setpoints: Sequence[float] | None, now: float) -> Iterable[Frame]:
         """The heartbeat of the driver, a step of the boot if it is not done, and the set points."""
         boot, device = self.boot, self._device
-        if boot.stage is Stage.IDLE:
+        if boot.stage is BootStage.IDLE:
             boot.begin()
         frames = self._host.frames(now)
         self._venting = setpoints is None
-        if boot.stage is not Stage.DONE:
+        if boot.stage is not BootStage.DONE:
             frames += boot.frames(now)
             return frames
         if self._takes_no_setpoints:  # not even those that vent
@@ -161,16 +161,16 @@ class CanopenBoard:
         """NMT stop if the rig file asks for it; `command` sends the set points that vent."""
         if not self._device.stops:
             return ()
-        self._stopped = self.boot.stage is Stage.DONE
+        self._stopped = self.boot.stage is BootStage.DONE
         return ((NMT, bytes([STOP, self._device.node])),)
 
     def clear_faults(self) -> Iterable[Frame]:
         """Forget emergencies, and boot a device again that is not operational."""
-        wrong = self._left or self._emergencies or self.boot.stage is Stage.REFUSED
+        wrong = self._left or self._emergencies or self.boot.stage is BootStage.REFUSED
         self._left = ""
         self._emergencies.clear()
         self._opened = False
-        if wrong and self.boot.stage is not Stage.IDLE:
+        if wrong and self.boot.stage is not BootStage.IDLE:
             self.boot.begin()
         return ()
 
@@ -185,12 +185,15 @@ class CanopenBoard:
     def silent(self, now: float, timeout: float) -> list[str]:
         """The names of the regular frames that are missing."""
         missing: list[str] = []
-        if self.boot.stage is Stage.REFUSED:  # the reason is more exact
+        if self.boot.stage is BootStage.REFUSED:  # the reason is more exact
             return missing
         limit = min(timeout, max(HEARTBEATS_MISSED * self._device.heartbeat_period, 0.1))
         if now - self._heartbeat_at > limit:
             missing.append(f"heartbeat (0x{self._heartbeat_id:03X}) for {limit:g} s")
-        if self._state in {OPERATIONAL, None} and self.boot.stage in {Stage.DONE, Stage.IDLE}:
+        if self._state in {OPERATIONAL, None} and self.boot.stage in {
+            BootStage.DONE,
+            BootStage.IDLE,
+        }:
             missing += [
                 f"{name} for {timeout:g} s" for name in self._measured.missing(now, timeout)
             ]
@@ -203,7 +206,7 @@ class CanopenBoard:
         silent, node = self.silent(now, timeout), self._device.node
         if silent:
             text = f"node {node}: no {', no '.join(silent)}"
-            if self.boot.stage is Stage.WAITING:
+            if self.boot.stage is BootStage.WAITING:
                 text += f"; {self.boot.error}"
             yield Condition("board_lost", self.name, text)
         yield from self._measured.range_conditions(self.name, now, sensor_timeout)
@@ -212,13 +215,13 @@ class CanopenBoard:
         wrong = [*self._emergencies.values(), *self._measured.invalid_texts()]
         if self._left:
             wrong.append(self._left)
-        if self.boot.stage is Stage.REFUSED:
+        if self.boot.stage is BootStage.REFUSED:
             wrong.append(self.boot.error)
         if now - self._clash[0] < _CLASH_MEMORY:
             wrong.append(self._clash[1])
         if wrong:
             yield Condition("board_fault", self.name, f"fault: {', '.join(wrong)}")
-        elif self.boot.stage not in {Stage.DONE, Stage.IDLE}:
+        elif self.boot.stage not in {BootStage.DONE, BootStage.IDLE}:
             if not silent:
                 text = f"node {node} is not ready: {self.boot.progress}"
                 yield Condition("board_not_active", self.name, text)
@@ -307,7 +310,7 @@ class CanopenBoard:
             self._boot_up(known is not None)
         elif state == OPERATIONAL:
             self.boot.is_operational()
-        elif stage is Stage.DONE and not self._stopped and known in {OPERATIONAL, state}:
+        elif stage is BootStage.DONE and not self._stopped and known in {OPERATIONAL, state}:
             self._leave(state)
 
     def _boot_up(self, again: bool) -> None:
@@ -317,7 +320,7 @@ class CanopenBoard:
         if again:
             self.restarts += 1
             self._restarted = True
-        if self.boot.stage is not Stage.IDLE:
+        if self.boot.stage is not BootStage.IDLE:
             self.boot.begin()
 
     def _leave(self, state: int) -> None:
@@ -360,7 +363,7 @@ class CanopenBoard:
 
     def _heard_pdo(self) -> None:
         """Only an operational device sends PDOs."""
-        if self.boot.stage is Stage.STARTING:
+        if self.boot.stage is BootStage.STARTING:
             self._state = OPERATIONAL
             self.boot.is_operational()
 

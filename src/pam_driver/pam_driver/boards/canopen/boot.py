@@ -28,7 +28,7 @@ _PAUSE: Final = 0.5
 _SURPLUS: Final = 3
 
 
-class Stage(Enum):
+class BootStage(Enum):
     """How far the boot is."""
 
     IDLE = "not begun"
@@ -49,7 +49,7 @@ class Boot:
 
     Attributes
     ----------
-    stage : Stage
+    stage : BootStage
         How far it is.
     error : str
         Why the device does not answer, or cannot be used; it names node, object and reason.
@@ -58,7 +58,7 @@ class Boot:
     """
 
     def __init__(self, device: CanopenDevice) -> None:
-        self.stage = Stage.IDLE
+        self.stage = BootStage.IDLE
         self.error = ""
         self.notes: list[str] = []
         self.sdo = SdoClient(device.node, device.sdo_timeout)
@@ -70,43 +70,43 @@ class Boot:
     @property
     def progress(self) -> str:
         """What it does, as text."""
-        if self.stage is Stage.CONFIGURING:
+        if self.stage is BootStage.CONFIGURING:
             steps = self._device.steps
             name = steps[min(self._place, len(steps) - 1)].name
             return f"being configured, step {self._place + 1} of {len(steps)}: {name}"
-        if self.stage in {Stage.WAITING, Stage.REFUSED}:
+        if self.stage in {BootStage.WAITING, BootStage.REFUSED}:
             return self.error
         return str(self.stage.value)
 
     def begin(self) -> None:
         """Boot the device from the start with the next cycle."""
-        self.stage, self.error, self.notes = Stage.CONFIGURING, "", []
+        self.stage, self.error, self.notes = BootStage.CONFIGURING, "", []
         self._place, self._began = 0, False
         self.sdo.cancel()
         self.sdo.surplus = 0
 
     def is_operational(self) -> None:
         """Note that the device has shown to be operational after it was started."""
-        if self.stage is Stage.STARTING:
-            self.stage = Stage.DONE
+        if self.stage is BootStage.STARTING:
+            self.stage = BootStage.DONE
 
     def frames(self, now: float) -> Iterator[Frame]:
         """The frames of one cycle at `now` [s]."""
-        if self.stage is Stage.WAITING and now >= self._until:
+        if self.stage is BootStage.WAITING and now >= self._until:
             self.begin()
-        if self.stage is Stage.STARTING and now >= self._until:
+        if self.stage is BootStage.STARTING and now >= self._until:
             self._fail(
                 f"node {self._device.node} was started (NMT) and does not report to be "
                 f"{STATES[OPERATIONAL]}",
-                Stage.WAITING,
+                BootStage.WAITING,
                 now,
             )
-        if self.stage is not Stage.CONFIGURING:
+        if self.stage is not BootStage.CONFIGURING:
             return
         node = self._device.node
         if self.sdo.surplus >= _SURPLUS:
             text = f"two devices answer as node {node}: give one of them another node number"
-            self._fail(text, Stage.REFUSED, now)
+            self._fail(text, BootStage.REFUSED, now)
             return
         if not self._began:
             self._began = True
@@ -135,7 +135,7 @@ class Boot:
             self._fail(
                 f"node {self._device.node}, object {step.name} ({step.why}) is 0x{got:X}, "
                 f"expected 0x{expected:X}",
-                Stage.REFUSED,
+                BootStage.REFUSED,
                 now,
             )
             return False
@@ -143,17 +143,17 @@ class Boot:
             self.notes.append(error)
             error = ""
         if error:
-            self._fail(error, Stage.REFUSED if result.aborted else Stage.WAITING, now)
+            self._fail(error, BootStage.REFUSED if result.aborted else BootStage.WAITING, now)
             return False
         self._place += 1
         if self._place < len(self._device.steps):
             self.sdo.begin(self._device.steps[self._place])
             return False
-        self.stage = Stage.STARTING
+        self.stage = BootStage.STARTING
         self._until = now + max(4.0 * self._device.heartbeat_period, _PAUSE)
         return True
 
-    def _fail(self, error: str, stage: Stage, now: float) -> None:
+    def _fail(self, error: str, stage: BootStage, now: float) -> None:
         self.error, self.stage = error, stage
         self._until = now + _PAUSE
         self.sdo.cancel()

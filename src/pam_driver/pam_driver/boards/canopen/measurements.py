@@ -10,7 +10,7 @@ from pam_driver.boards.protocol import NEVER, Hear, WiredBoard
 from pam_driver.boards.samples import Samples
 
 
-class Measurements(Samples):
+class PdoSamples(Samples):
     """What a device has measured, and how its PDOs say it.
 
     Parameters

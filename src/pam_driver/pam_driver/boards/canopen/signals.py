@@ -24,7 +24,7 @@ _FLOAT_LIMIT: Final = 1e30
 EXAMPLE: Final = '"0x6411:1"'
 
 
-class Reading(NamedTuple):
+class UnplacedInput(NamedTuple):
     """A measurement before it has a place in a PDO; see `device.Input`."""
 
     what: str
@@ -77,7 +77,7 @@ class SignalReader:
     dictionary: Dictionary
     top: Section
     demands: list[Demand] = field(default_factory=list)
-    readings: list[Reading] = field(default_factory=list)
+    readings: list[UnplacedInput] = field(default_factory=list)
     types: dict[ObjectName, ObjectType] = field(default_factory=dict)
     _used: dict[ObjectName, str] = field(default_factory=dict)
 
@@ -335,7 +335,7 @@ class SignalReader:
             )
             return
         self.readings.append(
-            Reading(what, channel, name, linear, low, high, invalid, wraps, unit, slope)
+            UnplacedInput(what, channel, name, linear, low, high, invalid, wraps, unit, slope)
         )
 
     def _invalid(self, where: Section, kind: ObjectType) -> dict[int, str]:

@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from pam_model.atlas.supply.fill_time import exhaust_time, fill_time
-from pam_model.atlas.supply.tube import Tube, series_conductance
+from pam_model.atlas.supply.tube import StraightTube, series_conductance
 from pam_model.domain import require
 from pam_model.errors import DomainError
 
@@ -32,7 +32,7 @@ class SupplyLine:
         Gas volume of fittings and other parts besides muscle and tube [m^3].
     filler_volume : float
         Solid or granular filler inside the muscle that reduces the gas volume [m^3].
-    tube : Tube or None
+    tube : StraightTube or None
         Tube between valve and muscle.
 
     Raises
@@ -46,7 +46,7 @@ class SupplyLine:
     critical_ratio: float = 0.3
     dead_volume: float = 0.0
     filler_volume: float = 0.0
-    tube: Tube | None = None
+    tube: StraightTube | None = None
 
     def __post_init__(self) -> None:
         require("muscle_volume [m^3]", self.muscle_volume, 0.0, open_low=True)

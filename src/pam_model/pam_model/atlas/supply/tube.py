@@ -18,7 +18,7 @@ LAMINAR_LIMIT = 2300.0
 """Reynolds number up to which the laminar law holds [-]."""
 
 
-class Tube:
+class StraightTube:
     """A straight round tube.
 
     Parameters

@@ -56,7 +56,7 @@ def _inputs(problem: PredictionProblem) -> tuple[Array, Array]:
 def _ridge_score(design: Array, errors: Array, folds: Folds, ridge: float) -> float:
     """Share of the held-out squared error that a ridge regression explains."""
     left = total = 0.0
-    for own, other in (folds.rows, folds.rows[::-1]):
+    for own, other in folds.turns:
         fit_rows = own & np.isfinite(errors)
         test_rows = other & np.isfinite(errors)
         if not fit_rows.any() or not test_rows.any():

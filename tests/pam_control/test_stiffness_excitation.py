@@ -10,9 +10,9 @@ import pytest
 from pam_control.controller import Controller
 from pam_control.controller_parameters import parameter_table, settings_from
 from pam_control.references.reference_generator import ReferenceGenerator
+from pam_control.references.sine_burst import sine_burst
 from pam_control.references.spline import JointReference
-from pam_control.references.stiffness_test import StiffnessTest
-from pam_control.references.test_motion import test_motion as motion_of_test
+from pam_control.references.stiffness_excitation import StiffnessExcitation
 from pam_control.references.trajectory import TrajectoryPoint
 from pam_control.settings import ControlSettings
 from pam_model.errors import PamError
@@ -24,7 +24,7 @@ LIMITS = {"elbow": (-1.0, 1.0), "wrist": (-0.5, 0.5)}
 def test_the_motion_begins_and_ends_at_rest_and_its_derivatives_are_those_of_its_positions(
     amplitude, frequency
 ):
-    points = motion_of_test(0.3, amplitude, frequency)
+    points = sine_burst(0.3, amplitude, frequency)
     times = np.array([0.0] + [point.time_from_start for point in points])
     position = np.array([0.3] + [point.positions[0] for point in points])
     velocity = np.array([0.0] + [point.velocities[0] for point in points])
@@ -49,7 +49,7 @@ def found(test, references, stiffness, begin, end, amplitude=0.05):
             tested.append((now, *due))
             points = [
                 TrajectoryPoint(p.time_from_start, p.positions, p.velocities, p.accelerations)
-                for p in motion_of_test(due[1], amplitude, 1.5)
+                for p in sine_burst(due[1], amplitude, 1.5)
             ]
             references.follow([due[0]], points, start=None, now=now)
     return tested
@@ -58,7 +58,7 @@ def found(test, references, stiffness, begin, end, amplitude=0.05):
 def test_each_joint_is_tested_once_at_rest_one_after_the_other():
     references = ReferenceGenerator(LIMITS)
     references.hold({"elbow": 0.2, "wrist": 0.1})
-    tested = found(StiffnessTest(references), references, [14.0, 14.0], 0.0, 30.0)
+    tested = found(StiffnessExcitation(references), references, [14.0, 14.0], 0.0, 30.0)
     assert [name for _, name, _ in tested] == ["elbow", "wrist"]
     (first, _, where), (second, _, _) = tested
     assert where == pytest.approx(0.2)
@@ -69,7 +69,7 @@ def test_each_joint_is_tested_once_at_rest_one_after_the_other():
 def test_another_position_or_stiffness_is_tested_anew_and_no_room_is_no_test():
     references = ReferenceGenerator({"elbow": (-1.0, 1.0)})
     references.hold({"elbow": 0.2})
-    test = StiffnessTest(references)
+    test = StiffnessExcitation(references)
     assert len(found(test, references, [14.0], 0.0, 20.0)) == 1
     assert len(found(test, references, [17.0], 20.0, 40.0)) == 1
     references.follow(["elbow"], [TrajectoryPoint(1.0, [0.6])], start=None, now=40.0)
@@ -81,7 +81,7 @@ def test_another_position_or_stiffness_is_tested_anew_and_no_room_is_no_test():
 def test_a_pause_in_a_trajectory_or_a_stream_that_stands_still_is_no_rest():
     references = ReferenceGenerator({"elbow": (-1.0, 1.0)})
     references.hold({"elbow": 0.0})
-    test = StiffnessTest(references)
+    test = StiffnessExcitation(references)
     points = [TrajectoryPoint(t, [q], [0.0]) for t, q in ((1.0, 0.3), (9.0, 0.3), (10.0, 0.0))]
     references.follow(["elbow"], points, start=None, now=0.0)
     assert found(test, references, [14.0], 0.0, 10.0) == []
@@ -100,9 +100,7 @@ def test_the_stiffness_of_a_joint_that_only_rests_is_learnt_by_the_test(closed_l
     channel = controller.channels[0]
     where = channel.telemetry.pressures, channel.motion.position
     assert not channel.law_state.estimates.stiffness.at(*where).learnt
-    controller.references.follow(
-        ["elbow"], motion_of_test(0.0, 0.05, 1.5), start=None, now=loop.time
-    )
+    controller.references.follow(["elbow"], sine_burst(0.0, 0.05, 1.5), start=None, now=loop.time)
     before = channel.law_state.estimates.stiffness.at(*where)
     loop.run(4.2)
     after = channel.law_state.estimates.stiffness.at(*where)

@@ -16,7 +16,7 @@ LEAST_PERIODS: Final = 4
 POINTS: Final = 16  # per period
 
 
-def test_motion(position: float, amplitude: float, frequency: float) -> list[TrajectoryPoint]:
+def sine_burst(position: float, amplitude: float, frequency: float) -> list[TrajectoryPoint]:
     """Waypoints with velocity and acceleration, from rest at `position` [rad] and back.
 
     Parameters

@@ -1,7 +1,7 @@
 """When a small test motion may move a joint that rests, so that its stiffness can be estimated.
 
 The measurements of a joint that only holds do not show its stiffness. Where a person has asked for
-it, every joint is moved once by `test_motion` after it has come to rest at another position, or has
+it, every joint is moved once by `sine_burst` after it has come to rest at another position, or has
 got another stiffness. Its data are used like those of any other motion
 (`adaptation.stiffness_estimate`). The joints are tested one after the other. Any reference that
 arrives meanwhile takes the joint over, as from any trajectory.
@@ -21,7 +21,7 @@ SAME_POSITION: Final = 0.02  # rad
 SAME_STIFFNESS: Final = 0.05  # relative
 
 
-class StiffnessTest:
+class StiffnessExcitation:
     """Chooses the joint to be tested.
 
     Parameters

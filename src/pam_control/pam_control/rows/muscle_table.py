@@ -1,0 +1,49 @@
+"""Which muscles turn which joint, as places of rows: made once from the robot.
+
+Every muscle that turns a joint has a row in the tables of the pressure loops (`loop_rows`), in the
+order of the robot. A joint has a row in the tables of the cycle (`plan_rows`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pam_model.plant.compiled import for_kernel
+from pam_model.robot import Robot
+from pam_model.views.joint_numbers import SIDES
+
+O_JOINT, O_NUMBERS = range(2)
+"""Of a muscle: the row of its joint, and where its constants begin in those of this joint."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MuscleTable:
+    """The rows of all muscles and joints.
+
+    Attributes
+    ----------
+    places : tuple of int
+        Place of each row's muscle in the robot.
+    owners : (n_muscles, 2) int rows
+        `O_JOINT` and `O_NUMBERS`.
+    pairs : (n_joints, 2) int rows
+        The rows of the muscles that turn a joint, in the order of its arms.
+    """
+
+    places: tuple[int, ...]
+    owners: Any
+    pairs: Any
+
+    @classmethod
+    def of(cls, robot: Robot) -> MuscleTable:
+        """The table of a robot; a muscle that turns no joint has no row."""
+        places = tuple(muscle.place for muscle in robot.muscles if muscle.arms)
+        pairs = [[places.index(place) for place in joint.muscles] for joint in robot.joints]
+        owners = np.zeros((len(places), 2), dtype=np.int64)
+        for joint, rows in enumerate(pairs):
+            for numbers, row in zip(SIDES, rows, strict=True):
+                owners[row] = joint, numbers
+        return cls(places, for_kernel(owners), for_kernel(np.array(pairs, dtype=np.int64)))
