@@ -12,8 +12,10 @@ Errors count by exp(-age/memory). Some weights have a lower bound that physics g
 of dry friction, which cannot drive a joint.
 
 With few data the weights change as fast as the values: they would be a feedback, whose margins
-nobody has designed. So the weights that are used follow the fit within a time that is long compared
-with the feedback. They are taken back where they do not help (`running_comparison`).
+nobody has designed. As long as no rival explains the values, the weights that are used follow the
+fit within a time that is long compared with the feedback; the smaller the errors that it leaves,
+compared with the noise, the faster they follow. They are taken back where they do not help
+(`running_comparison`).
 
 What the weights explain must be larger than a threshold. Near it, they are reduced by the factor
 1 - (threshold/explained)^2, which is 0 below it. So a rig that is its rig file stays untouched by
@@ -51,14 +53,16 @@ from pam_model.plant.compiled import entry_point, for_kernel, listed, prepare
 
 PIVOTS: Final = 6  # exchanges of what is at its bound; the last sets are nearly always right
 BELIEVED_FOR: Final = 0.25  # s of motion, for which the believed error counts
-FOLLOWS: Final = 0.3  # s of motion, in which the weights follow the fit
+FOLLOWS: Final = 0.3  # s of motion, in which the weights follow a fit that explains too little
+EXPLAINED: Final = 2.0  # times the noise, which the errors of a fit exceed that does so
 
 Array = npt.NDArray[np.float64]
 
 # What does not change of a fit: noise, believed error, threshold
 NOISE, BELIEVED, THRESHOLD, N_GIVEN = range(4)
-# State: sums of weights and of squared values, time since the last solution
-SEEN, ENERGY, UNSOLVED, N_STATE = range(4)
+# State: sums of weights and of squared values, time since the last solution, and squared errors of
+# the fit by those of one that explains too little
+SEEN, ENERGY, UNSOLVED, UNEXPLAINED, N_STATE = range(5)
 # Rows of weights: as the data show them, as they are used, bounds, sums, and scratch
 FITTED, FOLLOWED, BOUND, WANTED, SIDE, N_ROWS = range(6)
 # Of each rival: log odds, least gain, logarithm of the determinant of its penalty, what it leaves,
@@ -170,10 +174,14 @@ def fit_rivals(
     fitted = rows[FITTED]
     for i in range(count):
         fitted[i] = 0.0
+    left = 0.0
     for r in range(len(rivals)):
         rivals[r][PROBABILITY] /= total
+        left += rivals[r][PROBABILITY] * rivals[r][LEFT]
         for i in range(count):
             fitted[i] += rivals[r][PROBABILITY] * solutions[r][i]
+    doubtful = (EXPLAINED * given[NOISE]) ** 2 * state[SEEN]
+    state[UNEXPLAINED] = min(left / doubtful, 1.0)
     explained, least = square_sum(products, fitted), given[THRESHOLD] ** 2 * state[SEEN]
     used = 0.0 if explained <= least else 1.0 - least / explained
     for i in range(count):
@@ -198,8 +206,9 @@ def take_rival_sample(
         state[UNSOLVED] = 0.0
         fit_rivals(given, state, rows, products, rivals, penalties, held, solutions, scratch)
     fitted, followed, nothing = rows[FITTED], rows[FOLLOWED], True
+    nearer = -math.expm1(-duration / max(FOLLOWS * state[UNEXPLAINED], duration))
     for i in range(len(fitted)):
-        followed[i] += -math.expm1(-duration / FOLLOWS) * (fitted[i] - followed[i])
+        followed[i] += nearer * (fitted[i] - followed[i])
         nothing = nothing and fitted[i] == 0.0
     trifle = 0.01 * given[THRESHOLD] ** 2 * state[SEEN]
     if nothing and square_sum(products, followed) <= trifle:
@@ -265,7 +274,7 @@ class AveragedFit:
         self._sums, self._table = for_kernel(sums), for_kernel(table)
         self._arguments = (
             self._given,
-            for_kernel(np.array([0.0, 0.0, math.inf])),
+            for_kernel(np.array([0.0, 0.0, math.inf, 1.0])),
             self._sums,
             for_kernel(np.zeros((count, count))),
             self._table,
