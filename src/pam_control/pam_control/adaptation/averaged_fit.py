@@ -302,8 +302,11 @@ class AveragedFit:
     def update(self, functions: Sequence[float], value: float, duration: float) -> None:
         """Take the functions' values, shape (n,), and the measured value after a time [s].
 
-        The weights are computed anew every `SOLVED_EVERY`, because that takes most of the time.
+        The weights are computed anew every `SOLVED_EVERY`, because that takes most of the time. A
+        sample without a duration says nothing.
         """
+        if duration <= 0.0:
+            return
         comparison, followed = self._comparison, listed(self._sums[FOLLOWED])
         expected = sum(weight * each for weight, each in zip(followed, functions, strict=True))
         comparison.update(expected, value, duration)

@@ -64,7 +64,6 @@ from pam_control.rows.plan_rows import (
     Y_PLANNED_AT,
     Y_REFERENCE,
 )
-from pam_model.plant.compiled import listed
 
 FILTER: Final = 0.03  # s, T
 EVERY: Final = 0.01  # s between two updates of the fit
@@ -272,11 +271,9 @@ class TorqueAdaptation:
         if abs(speed_twice) > STILL:
             # the difference below is the acceleration half a period ago
             pairs = zip(
-                listed(row[A_BEFORE : A_BEFORE + N_SAMPLE]),
-                listed(row[A_TWICE : A_TWICE + N_SAMPLE]),
-                strict=True,
+                row[A_BEFORE : A_BEFORE + N_SAMPLE], row[A_TWICE : A_TWICE + N_SAMPLE], strict=True
             )
-            smooth = [0.5 * (before + now) for before, now in pairs]
+            smooth = [0.5 * float(before + now) for before, now in pairs]
             speed = 0.5 * (speed_before + speed_twice)
             motion = (speed, (float(row[A_SPEED_ONCE]) - speed_twice) / FILTER)
             model = self._damping * motion[0] + self._inertia * motion[1]
