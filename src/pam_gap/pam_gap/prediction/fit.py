@@ -364,7 +364,7 @@ def fit_steps(
         running.put(places[reused : reused + guessed], guess)
     due = np.union1d(quick, places[reused + guessed :])
     del cached, guess  # many fits run side by side, and each would keep its copy
-    taken, was_as_promised = 0, False
+    taken = 0
     while taken < max_iterations:
         if due.size:
             lanes, steps = shifted_lanes(scaling, at, due, rules.fit_difference)
@@ -384,14 +384,12 @@ def fit_steps(
         if step is None:
             continue
         is_small = best - step.value < least_fall * total
-        running.correct(step.at - at, step.errors - errors)
         at, errors, best, damping = step.at, step.errors, step.value, step.damping
         taken += 1
         if is_small and (is_new or (step.is_as_promised and not is_tight)):
             break
-        if not is_small and (step.is_as_promised or was_as_promised):
+        if step.is_as_promised and not is_small:
             due = quick
-        was_as_promised = step.is_as_promised
     return PlantFit(scaling.own(at), errors, best, running.jacobian, taken)
 
 

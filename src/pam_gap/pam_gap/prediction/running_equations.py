@@ -2,11 +2,7 @@
 
 A Gauss-Newton step changes few columns of the Jacobian: most are reused from an earlier point. The
 products of the columns with each other are therefore kept for each channel, and only those of the
-new columns are computed. Columns that never change are shared by all fits that have them. The
-others are corrected after each step by what it has shown, which costs no simulation.
-
-Source: C. G. Broyden, "A class of methods for solving nonlinear simultaneous equations",
-Mathematics of Computation 19 (1965) 577-593 (the smallest correction).
+new columns are computed. Columns that never change are shared by all fits that have them.
 """
 
 from __future__ import annotations
@@ -113,35 +109,6 @@ class RunningEquations:
             products[:m, at] = self._known.columns[channel].T @ used
             products[m:, at] = own.T @ used
             products[at] = products[:, at].T
-
-    def correct(self, step: Array, changes: Array) -> None:
-        """Correct the columns after the known ones by what a step has shown.
-
-        The correction is the smallest with which the columns predict the changes of the errors.
-
-        Parameters
-        ----------
-        step : ndarray, shape (n,)
-            The step of all parameters.
-        changes : ndarray, shape (blocks, channels)
-            By which the errors have changed.
-        """
-        m = self._known.count
-        own = step[m:]
-        length = float(own @ own)
-        if length == 0.0:
-            return
-        used, present = self._used.T, np.where(np.isfinite(changes), changes, 0.0).T
-        for channel, products in enumerate(self._products):
-            known, columns = self._known.columns[channel], self._own[channel]
-            missed = present[channel] - known @ step[:m] - columns @ own
-            missed *= used[channel] / length
-            across = missed @ columns
-            products[:m, m:] += np.outer(missed @ known, own)
-            products[m:, :m] = products[:m, m:].T
-            products[m:, m:] += np.outer(across, own) + np.outer(own, across)
-            products[m:, m:] += float(missed @ missed) * np.outer(own, own)
-            columns += np.outer(missed, own)
 
     def equations(self, errors: Array, weights: Array) -> tuple[Array, Array]:
         """J'WJ and J'We at the present point.
