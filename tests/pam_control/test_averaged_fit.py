@@ -118,3 +118,18 @@ def test_viscosity_is_no_dry_friction_after_the_first_stroke():
 def test_the_functions_of_the_rivals_are_those_of_the_motion():
     assert {place for rival in RIVALS for place in rival.functions} == set(range(DELAY + 1))
     assert len(DEVIATIONS) == DELAY
+
+
+def test_a_fit_that_explains_the_values_is_used_faster_than_one_that_does_not():
+    """A doubtful one that acted at once would be a feedback whose margins nobody has designed."""
+    random = np.random.default_rng(6)
+    used = []
+    for left in (0.1 * NOISE, 10.0 * NOISE):  # by the fit
+        following = fit(Rival((0,), 0.0), deviations=(1.0,))
+        for _ in range(10):  # 0.1 s
+            first = random.standard_normal()
+            value = 0.5 * first + left * random.standard_normal()
+            following.update(np.array([first]), value, 0.01)
+        used.append(following.weights[0] / following.fitted[0])
+    assert used[0] > 0.9
+    assert used[1] < 0.5

@@ -43,10 +43,10 @@ def held(closed_loop, rig, law):
     settings = ControlSettings(feedforward=law in ("model", "difference"))
     controller = Controller(rig, settings, law=LAWS.get(law, MODEL_BASED))
     loop = closed_loop(controller)
-    loop.run(2.0)
+    loop.run(1.0)
     points = [TrajectoryPoint(1.0, [HELD], [0.0], [0.0])]
     controller.references.follow(["elbow"], points, start=None, now=loop.time)
-    loop.run(4.0)
+    loop.run(3.0)
     return controller, loop
 
 

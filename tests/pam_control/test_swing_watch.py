@@ -92,6 +92,27 @@ def test_a_joint_that_sticks_and_catches_up_while_it_should_move_slowly_is_told_
     assert found[1].sticks
 
 
+@pytest.mark.parametrize("speed", [0.08, 0.18, 0.3])
+@pytest.mark.parametrize("hertz", [3.0, 4.0])
+def test_a_joint_that_stops_in_each_cycle_of_a_motion_sticks_though_its_cycle_is_soft(speed, hertz):
+    """Presliding rounds the cycle off until it resembles a sine; only its end is that of friction."""
+    size = speed / (2.0 * np.pi * hertz)  # rad, of swings which the speed 0 ends
+    found = told(lambda t: size * np.sin(2.0 * np.pi * hertz * t), motion=lambda t: (speed, 0.0))
+    assert found is not None
+    assert found[0] < 3.0
+    assert found[1].sticks
+
+
+@pytest.mark.parametrize("share", [0.5, 0.8, 1.4, 3.0])
+@pytest.mark.parametrize("hertz", [3.0, 6.0])
+def test_swings_that_do_not_end_where_the_joint_stops_do_not_come_from_sticking(share, hertz):
+    """Those of a late loop know nothing of the speed that they are added to."""
+    speed = 5e-3 * 2.0 * np.pi * hertz / share  # rad/s, `share` of which is that of the swings
+    found = told(lambda t: 5e-3 * np.sin(2.0 * np.pi * hertz * t), motion=lambda t: (speed, 0.0))
+    assert found is not None
+    assert not found[1].sticks
+
+
 @pytest.mark.parametrize(
     "error",
     [
@@ -180,15 +201,15 @@ def test_a_loop_without_one_is_not(closed_loop, rig, reaching):
     assert controller.guard.lowered == 0
 
 
-def swinging(guard, behind_tube=0, steps=2, size=lambda time: 6e-3, hertz=5.0):
-    """What the guard asks for, with the times [s], of a joint that swings at rest."""
+def swinging(guard, behind_tube=0, steps=2, size=lambda time: 6e-3, hertz=5.0, speed=0.0):
+    """What the guard asks for, with the times [s], of a joint that swings, at rest or in motion."""
     asked, means = [], Means(True, steps, [14.0])
     for k in range(round(8.0 / PERIOD)):
         time = k * PERIOD
         error = 0.5 * size(time) * np.sin(2.0 * np.pi * hertz * time)
-        joint = JointTelemetry(
-            JointReference(0.0), MeasuredMotion(-error, 0.0, time), error, behind_tube=behind_tube
-        )
+        reference = JointReference(speed * time, speed)
+        motion = MeasuredMotion(reference.position - error, speed, time)
+        joint = JointTelemetry(reference, motion, error, behind_tube=behind_tube)
         verdict = guard.judge(time, [joint], 0.3, means)
         if verdict is not GuardAction.NOTHING:
             asked.append((time, verdict))
@@ -221,6 +242,15 @@ def test_swings_slower_than_the_loop_come_from_outside_and_leave_the_gains(rig):
     guard = LoopGuard(compose(rig).joints)
     assert swinging(guard, hertz=1.0) == []
     assert "outside torque" in guard.swings
+
+
+def test_a_joint_that_sticks_in_motion_keeps_its_gains(rig):
+    """With softer feedback it would stand longer and jump farther."""
+    guard, hertz = LoopGuard(compose(rig).joints), 4.0
+    asked = swinging(guard, hertz=hertz, speed=3e-3 * 2.0 * np.pi * hertz)
+    assert asked == []
+    assert "in motion" in guard.swings
+    assert "dry friction that sticks" in guard.swings
 
 
 def test_a_tube_that_was_found_is_the_likely_cause(rig):

@@ -14,10 +14,10 @@ from pam_gap.inference.probabilities import agreed, cause_probabilities, probabi
 from pam_gap.inference.score import Score
 from pam_gap.inference.search import CandidateSearch
 from pam_gap.prediction.fit import mean_squares
-from pam_gap.prediction.lever_arm import LeverArm
 from pam_gap.rules import DEFAULT
 from pam_model.effects import EFFECTS
 from pam_model.plant.compiled import HAVE_NUMBA
+from pam_model.plant.lever_arm import LeverArm
 from pam_model.rig import Rig, load_rig
 from pam_model.rig.types import ValveKind
 

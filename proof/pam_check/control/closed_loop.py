@@ -53,6 +53,8 @@ class PlayedRun:
         Mean change of the spool commands per second of the motion [1/s].
     stopped, softened : str
         Why the controller stopped, or used soft gains; empty if it did not.
+    swings : str
+        What it told of small swings; empty if it saw none.
     """
 
     rms: float
@@ -61,6 +63,7 @@ class PlayedRun:
     activity: float
     stopped: str = ""
     softened: str = ""
+    swings: str = ""
 
     @property
     def cycles(self) -> bool:
@@ -201,5 +204,6 @@ def play(
         activity=float(np.abs(np.diff(spools, axis=0)).sum() / motion),
         stopped=stopped,
         softened=controller.guard.softened,
+        swings=controller.guard.swings,
     )
     return played, trace

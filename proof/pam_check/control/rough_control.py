@@ -227,9 +227,11 @@ def _row(result: RoughResult) -> str:
         f"{100.0 * mine.clipped:6.1f} {1e3 * mine.limit_cycle:8.2f}",
         f"{'yes' if mine.cycles else 'no':>4s} {mine.activity:7.1f}",
     ]
+    told = result.first.swings or mine.swings
     notes = [
         f"stopped: {mine.stopped}" if mine.stopped else "",
         "soft gains" if mine.softened else "",
+        f"told: {told}" if told else "",
     ]
     return " ".join([*cells, "; ".join(note for note in notes if note)]).rstrip()
 

@@ -52,7 +52,8 @@ from pam_model.errors import PamError
 from pam_model.rig import described_key, rig_of_node
 from pam_ros import diagnostics as health
 from pam_ros.errors import ParameterError
-from pam_ros.parameters import NodeParameters, Value
+from pam_ros.parameter_row import Value
+from pam_ros.parameters import NodeParameters
 from pam_ros.periodic import MakeLoop, PeriodicLoop
 from pam_ros.phase_follower import PhaseFollower
 from pam_ros.slow_work import SlowWork

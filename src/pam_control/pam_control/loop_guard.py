@@ -11,7 +11,8 @@ because the safe gains leave larger errors of friction and load: the gains are l
 again while the swings go on; if they have grown to twice the first ones, the safe gains are used,
 and a joint that swings with these as widely as at first is stopped. A delay makes a loop swing at
 its crossover frequency or above. What is slower and does not stick comes from outside, and lower
-gains would yield more to it.
+gains would yield more to it. So would a joint that sticks in motion: with softer feedback it stands
+longer and jumps farther. At rest it is the integral that makes it jump.
 """
 
 from __future__ import annotations
@@ -217,7 +218,7 @@ class LoopGuard:
                 slow = 2.0 * math.pi * seen.frequency < SLOW * crossover
                 outside = slow and not seen.sticks and not joint.behind_tube
                 told = f"{name}: {_told(seen, joint.behind_tube, outside)}"
-                if outside:
+                if outside or (seen.sticks and not seen.rests and not joint.behind_tube):
                     self.swings = self.swings or told
                 else:
                     verdict = self._answer(told, seen, means)

@@ -17,7 +17,7 @@ from pam_control.command_intake import CommandIntake
 from pam_control.controller import Controller
 from pam_control.controller_parameters import kept_file
 from pam_model.errors import PamError
-from pam_ros.parameters import Value
+from pam_ros.parameter_row import Value
 from pam_ros.slow_work import SlowWork
 
 

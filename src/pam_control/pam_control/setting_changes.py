@@ -17,7 +17,7 @@ from pam_control.controller import Controller
 from pam_control.controller_parameters import law_from, settings_from
 from pam_control.loop_design import PreparedSettings
 from pam_model.errors import PamError
-from pam_ros.parameters import Value
+from pam_ros.parameter_row import Value
 
 MOST_WAITING: Final = 8
 """Changes that may wait for a design."""

@@ -20,7 +20,7 @@ from pam_control.references.trajectory import CommandError, JointNameError, Past
 from pam_control.references.trajectory import TrajectoryPoint as Point
 from pam_ros.foreign_text import all_shown
 from pam_ros.long_actions import GoalEnd, LongActions
-from pam_ros.parameters import Value
+from pam_ros.parameter_row import Value
 from pam_ros.slow_work import SlowWork
 from pam_ros.steady_timers import SteadyTimers
 

@@ -12,8 +12,10 @@ Errors count by exp(-age/memory). Some weights have a lower bound that physics g
 of dry friction, which cannot drive a joint.
 
 With few data the weights change as fast as the values: they would be a feedback, whose margins
-nobody has designed. So the weights that are used follow the fit within a time that is long compared
-with the feedback. They are taken back where they do not help (`running_comparison`).
+nobody has designed. As long as no rival explains the values, the weights that are used follow the
+fit within a time that is long compared with the feedback; the smaller the errors that it leaves,
+compared with the noise, the faster they follow. They are taken back where they do not help
+(`running_comparison`).
 
 What the weights explain must be larger than a threshold. Near it, they are reduced by the factor
 1 - (threshold/explained)^2, which is 0 below it. So a rig that is its rig file stays untouched by
@@ -42,7 +44,8 @@ from pam_control.adaptation.running_comparison import RunningComparison
 
 PIVOTS: Final = 6  # exchanges of what is at its bound; the last sets are nearly always right
 BELIEVED_FOR: Final = 0.25  # s of motion, for which the believed error counts
-FOLLOWS: Final = 0.3  # s of motion, in which the weights follow the fit
+FOLLOWS: Final = 0.3  # s of motion, in which the weights follow a fit that explains too little
+EXPLAINED: Final = 2.0  # times the noise, which the errors of a fit exceed that does so
 
 Array = npt.NDArray[np.float64]
 
@@ -132,6 +135,7 @@ class AveragedFit:
         self._wanted: Array = np.zeros(count)
         self._seen = self._energy = 0.0
         self._unsolved = math.inf
+        self._unexplained = 1.0  # squared errors of the fit by those of one that explains too little
         self._solutions: Array = np.zeros((rivals, count))
         self._at_bound = np.zeros((rivals, count), dtype=bool)
 
@@ -157,7 +161,8 @@ class AveragedFit:
         if self._unsolved >= SOLVED_EVERY:
             self._unsolved = 0.0
             self._fit()
-        self._followed += -math.expm1(-duration / FOLLOWS) * (self.fitted - self._followed)
+        within = max(FOLLOWS * self._unexplained, duration)
+        self._followed += -math.expm1(-duration / within) * (self.fitted - self._followed)
         if not any(self.fitted) and self._explained(self._followed) <= 0.01 * self._least:
             self._followed[:] = 0.0
         self.weights = (comparison.share * self._followed).tolist()
@@ -180,6 +185,8 @@ class AveragedFit:
         evidence[~ordinary & (self._better * left > left[ordinary].min())] = -math.inf
         odds = np.exp(evidence - evidence.max())
         self.probabilities = odds / odds.sum()
+        doubtful = (EXPLAINED * self._noise) ** 2 * self._seen
+        self._unexplained = min(float(self.probabilities @ left) / doubtful, 1.0)
         weights = self.probabilities @ self._solutions
         explained, least = self._explained(weights), self._least
         if explained <= least:

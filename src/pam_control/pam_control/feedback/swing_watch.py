@@ -10,14 +10,23 @@ In motion a reference causes errors, too: with friction they swing twice or thre
 change of the direction of its acceleration. So swings count while no reference changes that, begins
 or ends.
 
-A joint that sticks stands for a large part of the time and jumps in the rest, whether it should
-move or not. One that a delay or a tube keeps swinging moves like a sine about its reference, whose
-speed is below a fifth of the largest one in 13 % of the time.
+At rest, a joint that sticks stands for a large part of the time and jumps in the rest. One that a
+delay or a tube keeps swinging moves like a sine about its reference, whose speed is below a fifth
+of the largest one in 13 % of the time.
 
-Source: K. J. Astrom and T. Hagglund, Advanced PID Control, ISA 2006, section 10.5 (detection of
+In motion, dry friction ends every swing where the joint stops, however fast the reference is; then
+it goes on without turning back. Where the breakaway is soft, it hardly stands, and its cycle
+resembles a sine. The swings of a linear loop know nothing of the speed that they are added to: they
+turn the joint back, or do not stop it.
+
+Sources: K. J. Astrom and T. Hagglund, Advanced PID Control, ISA 2006, section 10.5 (detection of
 oscillating loops by the areas between zero crossings, and stiction by their shape; here by turning
 points, because the mean of the error is unknown); T. Hagglund, "A control-loop performance
-monitor", Control Engineering Practice 3 (1995) 1543-1551.
+monitor", Control Engineering Practice 3 (1995) 1543-1551; H. Olsson and K. J. Astrom, "Friction
+generated limit cycles", IEEE Transactions on Control Systems Technology 9 (2001) 629-636, and B.
+Armstrong-Helouvry, P. Dupont, C. Canudas de Wit, "A survey of models, analysis tools and
+compensation methods for the control of machines with friction", Automatica 30 (1994) 1083-1138,
+section 4 (stick-slip: the cycle in which the speed comes to zero and stays on one side of it).
 """
 
 from __future__ import annotations
@@ -28,6 +37,7 @@ from itertools import pairwise
 from typing import Final, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 SWINGS: Final = 4  # this many equal ones in a row are an oscillation
 LEAST: Final = 3e-3  # rad, from one turning point to the next; smaller ones are harmless
@@ -40,6 +50,7 @@ SETTLES: Final = 0.3  # s, of a joint that was taken over
 PARTS: Final = 8  # of a swing
 STANDS: Final = 0.2  # of the longest way in a part; with a shorter one the joint stands
 STUCK: Final = 0.4  # share of the parts in which it stands, by which a joint sticks
+STOPS: Final = 0.08  # of the longest way in a quarter of a cycle, on which a joint stops
 KEPT: Final = 4.0 * LONGEST  # s
 
 
@@ -190,15 +201,24 @@ class SwingWatch:
         ):
             return None
         lasted = sum(durations)
-        return Swings(sizes[-1], SWINGS / (2.0 * lasted), rests, self._sticks(lasted))
+        return Swings(sizes[-1], SWINGS / (2.0 * lasted), rests, self._sticks(lasted, rests))
 
-    def _sticks(self, lasted: float) -> bool:
-        """Whether the joint stood for a large part of the last time [s]."""
+    def _sticks(self, lasted: float, rests: bool) -> bool:
+        """Whether a joint that rests stood for most of the last time [s], or one that moves stops."""
         begin = self._turned - lasted
         times, places = zip(*self._places, strict=True)
         at = np.linspace(begin, self._turned, SWINGS * PARTS + 1)
-        ways = np.abs(np.diff(np.interp(at, times, places)))
-        return float(np.mean(ways < STANDS * ways.max())) > STUCK
+        ways = np.diff(np.interp(at, times, places))
+        if not rests:
+            return _stops(ways.reshape(-1, 2 * PARTS))
+        return float(np.mean(np.abs(ways) < STANDS * np.abs(ways).max())) > STUCK
+
+
+def _stops(ways: npt.NDArray[np.float64]) -> bool:
+    """Whether a joint stops in each cycle and does not turn back; ways (cycles, parts) [rad]."""
+    onward = ways * np.sign(ways.sum())
+    quarters = np.lib.stride_tricks.sliding_window_view(onward, PARTS // 2, axis=1).sum(axis=2)
+    return bool(np.all(np.abs(quarters.min(axis=1)) < STOPS * quarters.max(axis=1)))
 
 
 def _even(one: float, other: float, ratio: float) -> bool:

@@ -26,7 +26,6 @@ from pam_gap.calibration.free_numbers import (
 )
 from pam_gap.calibration.small_errors import ValvePlay, small_errors
 from pam_gap.inference.background import Background
-from pam_gap.inference.candidates import SIDES
 from pam_gap.inference.hypothesis import Hypothesis, HypothesisFitter
 from pam_gap.prediction.channel_order import BOTH_PRESSURES, N_CHANNELS, POSITION
 from pam_gap.prediction.fit import Array, fit
@@ -34,6 +33,7 @@ from pam_gap.prediction.gap_figures import noise_level
 from pam_gap.prediction.problem import PredictionProblem, PredictionSettings
 from pam_gap.recordings.recording import LOCKED, SHUT, TURNED_OVER
 from pam_model.identify.joint_regression import MotionRecord, body_regression, valve_regression
+from pam_model.plant.layout import MUSCLES as SIDES
 from pam_model.plant.parameters import INDEX, NAMES
 from pam_model.rig.partial import PartialRig
 

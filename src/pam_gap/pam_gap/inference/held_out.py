@@ -22,6 +22,7 @@ from pam_gap.prediction.channel_order import POSITION
 from pam_gap.prediction.channels import block_means
 from pam_gap.prediction.fit import Array
 from pam_gap.prediction.problem import PredictionProblem
+from pam_model.robot import compose
 
 OTHER_LENGTHS = "other lengths"
 LENGTHS_APART = 0.005
@@ -121,7 +122,8 @@ def held_lengths(problem: PredictionProblem) -> np.ndarray | None:
         ]
     )
     muscle = problem.rig.muscle(problem.muscles[0])
-    apart = LENGTHS_APART * muscle.rest_length / problem.rig.joints[problem.joint].pulley_radius
+    arms = compose(problem.rig).joints[problem.joint].arms
+    apart = LENGTHS_APART * muscle.rest_length / abs(arms[0].length)
     order = np.sort(position[problem.counted])
     groups = np.split(order, np.flatnonzero(np.diff(order) > apart) + 1)
     kept = [
