@@ -135,9 +135,7 @@ class AveragedFit:
         self._wanted: Array = np.zeros(count)
         self._seen = self._energy = 0.0
         self._unsolved = math.inf
-        self._unexplained = (
-            1.0  # squared errors of the fit by those of one that explains too little
-        )
+        self._unexplained = 1.0  # squared errors of the fit, by those that are too large
         self._solutions: Array = np.zeros((rivals, count))
         self._at_bound = np.zeros((rivals, count), dtype=bool)
 
