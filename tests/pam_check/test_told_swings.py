@@ -14,7 +14,6 @@ from pam_check.control.closed_loop import PERIOD, SETTLED, START_PRESSURE, TOLD,
 from pam_check.control.rough_control import RoughControl
 from pam_check.control.running_truth import RunningTruth
 from pam_control.control_step import Measurement
-from pam_control.references.trajectory import TrajectoryPoint
 from pam_model.rig import load_rig
 
 ELBOW = Path(__file__).parents[2] / "config" / "elbow.yaml"
@@ -61,3 +60,33 @@ def first_told(rough, rig, points, seed):
         assert output.commands is not None
         commands = (output.commands[0], output.commands[1])
     return None
+
+
+@pytest.mark.parametrize(
+    ("effects", "late", "motion", "causes"),
+    [
+        (["stribeck_friction"], 0.0, "chirp", ("dry friction that sticks",)),
+        ([], 0.024, "arm", ("a delay",)),
+        ([], 0.03, "arm", ("a delay", "oscillates")),
+        (["hysteresis"], 0.019, "arm", ("a delay",)),
+        (["tube_restriction", "stribeck_friction"], 0.0, "chirp", ("a tube",)),
+    ],
+    ids=["friction", "24 ms", "30 ms", "hysteresis and 19 ms", "tube and friction"],
+)
+def test_swings_are_told_within_three_seconds_with_their_likely_cause(
+    rough, effects, late, motion, causes
+):
+    found = first_told(rough, hidden(rough, effects, late), rough.motions[motion], 5)
+    assert found is not None
+    time, told = found
+    assert time < TOLD_WITHIN
+    assert any(cause in told for cause in causes), told
+
+
+@pytest.mark.parametrize("effect", ["nothing", "coulomb_friction", "payload", "position_delay"])
+def test_nothing_is_told_of_an_ordinary_motion(rough, effect):
+    for points in rough.motions.values():
+        assert (
+            first_told(rough, hidden(rough, [] if effect == "nothing" else [effect]), points, 5)
+            is None
+        )
