@@ -41,7 +41,8 @@ file predicts does not depend on it.</p>{% endif %}
 <div class="wide" tabindex="0"><table><tr><th>channel</th><th>horizon</th>
 <th class="n">as written</th><th class="n">calibrated</th><th class="n">noise alone</th></tr>
 {% for f in figures %}<tr><td>{{ breakable(f[1]) }}</td><td>{{ f[0] }}</td>
-<td class="n">{{ f[2] }}</td><td class="n">{{ f[3] }}</td><td class="n">{{ f[4] }}</td></tr>{% endfor %}</table></div>{% endif %}
+<td class="n">{{ f[2] }}</td><td class="n">{{ f[3] }}</td><td class="n">{{ f[4] }}</td></tr>
+{% endfor %}</table></div>{% endif %}
 {% if no_plots %}<p class="quiet">There are no plots here: {{ no_plots }}.</p>{% endif %}
 {% if drawn %}<h2>Measured and predicted</h2>
 {% for trace in traces %}<figure class="plot"><b>{{ trace.channel }}: measured and predicted</b>
