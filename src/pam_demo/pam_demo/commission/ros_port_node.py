@@ -12,6 +12,7 @@ from __future__ import annotations
 import contextlib
 import math
 import multiprocessing
+import os
 import signal
 import threading
 import time
@@ -43,6 +44,8 @@ IDLE: Final = 10.0  # periods without new commands, after which the muscles are 
 FIRST: Final = 10.0  # s, for the first measurements
 START: Final = 60.0  # s, in which the process of the node must have measurements
 ANSWER: Final = 2.0  # s, in which it must answer
+POLITE: Final = 10
+"""Niceness of the process that computes; that of the node keeps its own."""
 END: Final = 10.0  # s, in which it must have vented and ended
 GONE: Final = "the process that sends the commands has ended"
 SILENT: Final = "the process that sends the commands does not answer"
@@ -271,6 +274,7 @@ def open_ros_port(rig: Rig, joint: str, period: float, namespace: str = "") -> I
     )
     process.start()
     there.close()
+    os.nice(POLITE)  # what is computed between two motions must not hold up driver and commands
     try:
         yield RosPort(here, period)
     finally:
