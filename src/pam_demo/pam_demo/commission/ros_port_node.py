@@ -44,8 +44,6 @@ IDLE: Final = 10.0  # periods without new commands, after which the muscles are 
 FIRST: Final = 10.0  # s, for the first measurements
 START: Final = 60.0  # s, in which the process of the node must have measurements
 ANSWER: Final = 2.0  # s, in which it must answer
-POLITE: Final = 10
-"""Niceness of the process that computes; that of the node keeps its own."""
 END: Final = 10.0  # s, in which it must have vented and ended
 GONE: Final = "the process that sends the commands has ended"
 SILENT: Final = "the process that sends the commands does not answer"
@@ -249,7 +247,9 @@ class RosPort:
 
 
 @contextmanager
-def open_ros_port(rig: Rig, joint: str, period: float, namespace: str = "") -> Iterator[RosPort]:
+def open_ros_port(
+    rig: Rig, joint: str, period: float, namespace: str = "", niceness: int = 0
+) -> Iterator[RosPort]:
     """A port to the robot in the ROS domain of this terminal; at its end the muscles are vented.
 
     Parameters
@@ -262,6 +262,9 @@ def open_ros_port(rig: Rig, joint: str, period: float, namespace: str = "") -> I
         Of the commands [s].
     namespace : str
         Of the robot's nodes.
+    niceness : int
+        Added to that of this process, which computes between two motions, but not to that of the
+        node: driver and commands must not be held up.
 
     Raises
     ------
@@ -274,7 +277,7 @@ def open_ros_port(rig: Rig, joint: str, period: float, namespace: str = "") -> I
     )
     process.start()
     there.close()
-    os.nice(POLITE)  # what is computed between two motions must not hold up driver and commands
+    os.nice(niceness)
     try:
         yield RosPort(here, period)
     finally:
