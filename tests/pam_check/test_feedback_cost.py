@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pam_check.control.closed_loop import PERIOD, TOLD, RunTrace, true_rig
-from pam_check.control.feedback_cost import air_taken, measured
+from pam_check.control.feedback_cost import VARIANTS, air_taken, measured
 from pam_check.control.rough_control import RoughControl
 from pam_model.rig import load_rig
 
@@ -19,7 +19,8 @@ def rough():
 
 
 def test_the_default_feedback_yields_much_less_than_one_set_without_a_lead(rough):
-    before, now = measured(rough, False, 0.0, 5), measured(rough, True, TOLD.feedback_lead, 5)
+    named = {variant.name: variant for variant in VARIANTS}
+    before, now = (measured(rough, named[name], 5) for name in ("one set, lead 0", "default"))
     assert now.sensitivity < 0.7 * before.sensitivity
     assert max(np.divide(now.compliance[:2], before.compliance[:2])) < 0.7
     assert now.strokes < 1.5 * before.strokes

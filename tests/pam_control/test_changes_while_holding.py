@@ -40,7 +40,8 @@ LAWS = {"ratio": PressureRatioPid(), "difference": PressureDifferencePid()}
 
 def held(closed_loop, rig, law):
     """The law at rest at HELD, and its loop."""
-    settings = ControlSettings(feedforward=law in ("model", "difference"))
+    # one stiffness, so that each change asks for few designs
+    settings = ControlSettings(feedforward=law in ("model", "difference"), stiffness_grid=(14.0,))
     controller = Controller(rig, settings, law=LAWS.get(law, MODEL_BASED))
     loop = closed_loop(controller)
     loop.run(1.0)

@@ -95,7 +95,7 @@ def test_a_joint_that_sticks_and_catches_up_while_it_should_move_slowly_is_told_
 @pytest.mark.parametrize("speed", [0.08, 0.18, 0.3])
 @pytest.mark.parametrize("hertz", [3.0, 4.0])
 def test_a_joint_that_stops_in_each_cycle_of_a_motion_sticks_though_its_cycle_is_soft(speed, hertz):
-    """Presliding rounds the cycle off until it resembles a sine; only its end is that of friction."""
+    """Presliding rounds the cycle off until it is like a sine; only its end is that of friction."""
     size = speed / (2.0 * np.pi * hertz)  # rad, of swings which the speed 0 ends
     found = told(lambda t: size * np.sin(2.0 * np.pi * hertz * t), motion=lambda t: (speed, 0.0))
     assert found is not None

@@ -285,8 +285,8 @@ COMMANDS = (
     ),
     Command(
         "feedback-cost",
-        "design the feedback with several leads, and show how well each rejects disturbances and "
-        "how much the valves work",
+        "design the feedback with several leads, margins and filters, and show how well each "
+        "rejects disturbances and how much the valves work",
         _declare_feedback_cost,
         _feedback_cost,
     ),

@@ -1,16 +1,17 @@
 """What more feedback brings, and what it costs in work of the valves and in air.
 
-`pam check feedback-cost` designs the gains of the model-based law with several leads, and with one
-set of gains for the whole range of the stiffness. It prints how well each rejects disturbances in
-the linear model, and how much the valves work in the arm's motion on the independent plant that is
-its rig file.
+`pam check feedback-cost` designs the gains of the model-based law with several leads, with one set
+of gains for the whole range of the stiffness, with smaller margins, with a shorter unknown delay
+and with faster filters of the derivative. It prints how well each rejects disturbances in the
+linear model, and how much the valves work in the arm's motion on the independent plant that is its
+rig file.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
-from typing import ClassVar, Final
+from dataclasses import asdict, dataclass, field
+from typing import Any, ClassVar, Final
 
 import numpy as np
 
@@ -25,7 +26,6 @@ from pam_control.laws.position_stiffness import PositionStiffness
 from pam_model.command_line import Arguments, Outcome, chosen_rig, progress
 from pam_model.rig import Rig, load_rig
 
-LEADS: Final = (0.0, 0.25, 0.5, 0.75, 1.0)
 DISTURBED_AT: Final = (0.5, 1.0, 2.0)  # Hz
 MOTION: Final = "arm"
 REFERENCE_DENSITY: Final = 1.185  # kg/m^3 of ISO 8778
@@ -39,15 +39,57 @@ class OneSet(PositionStiffness):
 
 
 @dataclass(frozen=True, slots=True)
+class Variant:
+    """A way to design the gains.
+
+    Attributes
+    ----------
+    name : str
+        What differs from the default.
+    changes : dict
+        Settings by name.
+    scheduled : bool
+        Whether the gains follow the stiffness.
+    """
+
+    name: str
+    changes: dict[str, Any] = field(default_factory=dict)
+    scheduled: bool = True
+
+
+def _margins(degrees: float, sensitivity: float) -> Variant:
+    changes = {"phase_margin": math.radians(degrees), "sensitivity": sensitivity}
+    return Variant(f"margins {degrees:g} deg, {sensitivity:g}", changes)
+
+
+VARIANTS: Final = (
+    Variant("one set, lead 0", {"feedback_lead": 0.0}, scheduled=False),
+    *(Variant(f"lead {lead:g}", {"feedback_lead": lead}) for lead in (0.0, 0.25)),
+    Variant("default"),
+    *(Variant(f"lead {lead:g}", {"feedback_lead": lead}) for lead in (0.75, 1.0)),
+    _margins(45.0, 1.7),
+    _margins(42.0, 1.8),
+    _margins(38.0, 2.0),
+    Variant("unknown delay 5 ms", {"extra_delay": 5e-3}),
+    *(
+        Variant(
+            f"filter {1e3 * filtered:g} ms, lead {lead:g}",
+            {"derivative_filter": filtered, "feedback_lead": lead},
+        )
+        for filtered in (7e-3, 5e-3, 3e-3)
+        for lead in (0.25, 0.5)
+    ),
+)
+
+
+@dataclass(frozen=True, slots=True)
 class FeedbackCost:
     """One design.
 
     Attributes
     ----------
-    scheduled : bool
-        Whether the gains follow the stiffness.
-    lead : float
-        Share of the pressure loops' lag that is led [-].
+    name : str
+        Of its variant.
     sensitivity : float
         RMS of |S| over the tracking band at the worst operating point [-].
     compliance : tuple of float
@@ -61,8 +103,7 @@ class FeedbackCost:
         Air taken from the supply in a second [dm^3/s ANR].
     """
 
-    scheduled: bool
-    lead: float
+    name: str
     sensitivity: float
     compliance: tuple[float, ...]
     error: float
@@ -86,10 +127,10 @@ def air_taken(trace: RunTrace, muscles: tuple[TruthMuscle, TruthMuscle], rig: Ri
     return LITRES * volume / (trace.position.size * PERIOD)
 
 
-def measured(rough: RoughControl, scheduled: bool, lead: float, seed: int) -> FeedbackCost:
-    """Design one set of gains or a schedule, and play the motion with it."""
-    law = PositionStiffness() if scheduled else OneSet()
-    controller = Controller(rough.rig, TOLD.replace(feedback_lead=lead), rough.designs, law)
+def measured(rough: RoughControl, variant: Variant, seed: int) -> FeedbackCost:
+    """Design the gains in one way, and play the motion with them."""
+    law = PositionStiffness() if variant.scheduled else OneSet()
+    controller = Controller(rough.rig, TOLD.replace(**variant.changes), rough.designs, law)
     models, settings, design = controller.channels[0].models, controller.settings, controller.design
     schedule = settings.gains[models.name]
     timing = design.timing(models, settings)
@@ -109,8 +150,7 @@ def measured(rough: RoughControl, scheduled: bool, lead: float, seed: int) -> Fe
     joint, muscles = rough.hidden(NOTHING)
     played, trace = play(controller, joint, muscles, rough.motions[MOTION], seed)
     return FeedbackCost(
-        scheduled,
-        lead,
+        variant.name,
         worst,
         tuple(yielding.tolist()),
         played.rms,
@@ -120,7 +160,7 @@ def measured(rough: RoughControl, scheduled: bool, lead: float, seed: int) -> Fe
 
 
 HEADER: Final = (
-    "gains      lead  |S|   mrad/(N m) at "
+    f"{'gains':22s} {'|S|':>5s}   mrad/(N m) at "
     + ", ".join(f"{hertz:g}" for hertz in DISTURBED_AT)
     + " Hz   error  spool/s  air l/s"
 )
@@ -129,9 +169,8 @@ HEADER: Final = (
 def _row(found: FeedbackCost) -> str:
     yielding = " ".join(f"{1e3 * each:8.1f}" for each in found.compliance)
     return (
-        f"{'scheduled' if found.scheduled else 'one set':9s} {found.lead:5.2f} "
-        f"{found.sensitivity:5.2f} {yielding} {1e3 * found.error:12.2f} {found.strokes:8.1f} "
-        f"{found.air:8.3f}"
+        f"{found.name:22s} {found.sensitivity:5.2f} {yielding} {1e3 * found.error:12.2f} "
+        f"{found.strokes:8.1f} {found.air:8.3f}"
     )
 
 
@@ -144,12 +183,11 @@ def run(given: Arguments) -> Outcome:
         For a rig that cannot be used.
     """
     rough = RoughControl(load_rig(chosen_rig(given)), TOLD, given.seed)
-    variants = [(False, 0.0), *((True, lead) for lead in LEADS)]
     found = []
     print(HEADER)
-    with progress(len(variants), "designs") as bar:
-        for done, (scheduled, lead) in enumerate(variants, start=1):
-            found.append(measured(rough, scheduled, lead, given.seed))
+    with progress(len(VARIANTS), "designs") as bar:
+        for done, variant in enumerate(VARIANTS, start=1):
+            found.append(measured(rough, variant, given.seed))
             print(_row(found[-1]), flush=True)
-            bar.show(done, f"lead {lead:g}")
+            bar.show(done, variant.name)
     return Outcome({"seed": given.seed, "designs": [asdict(each) for each in found]}, [])

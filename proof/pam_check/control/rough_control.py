@@ -70,8 +70,13 @@ class RoughResult:
 
     @property
     def ratio(self) -> float:
-        """The controller's error over that of the tuned PID; NaN without one."""
+        """The controller's error at the last time over that of the tuned PID; NaN without one."""
         return math.nan if self.pid is None else self.controller.rms / self.pid.rms
+
+    @property
+    def first_ratio(self) -> float:
+        """The same at the first time."""
+        return math.nan if self.pid is None else self.first.rms / self.pid.rms
 
     def problems(self) -> list[str]:
         """What is not as it should be."""
@@ -89,7 +94,7 @@ class RoughResult:
 
     def document(self) -> dict[str, object]:
         """For --json."""
-        return {**asdict(self), "ratio": self.ratio}
+        return {**asdict(self), "ratio": self.ratio, "first_ratio": self.first_ratio}
 
 
 @dataclass
@@ -257,21 +262,27 @@ def chosen_effects(names: Sequence[str] | None) -> list[str]:
     return list(names) if names else known
 
 
+def _compared(ratios: Sequence[tuple[str, float]]) -> str:
+    """How many effects are how good, by the larger one of the ratios of each."""
+    worse: dict[str, float] = {}
+    for effect, ratio in ratios:
+        worse[effect] = max(worse.get(effect, 0.0), ratio)
+    half = sum(ratio <= 0.5 for ratio in worse.values())
+    within = sum(ratio <= WORST_RATIO for ratio in worse.values())
+    return f"{half} with at most half the error of the tuned PID, {within} within {WORST_RATIO:g}"
+
+
 def summary(results: Sequence[RoughResult]) -> str:
     """How often the controller is better, in one line."""
-    ratios: dict[str, float] = {}
-    for result in results:
-        if result.effect != NOTHING and result.pid is not None:
-            ratios[result.effect] = max(ratios.get(result.effect, 0.0), result.ratio)
+    judged = [each for each in results if each.effect != NOTHING and each.pid is not None]
     cycles = {result.effect for result in results if result.controller.cycles}
     text = f"{len(cycles)} effects with a limit cycle"
-    if not ratios:
+    if not judged:
         return text
-    half = sum(ratio <= 0.5 for ratio in ratios.values())
-    worse = sum(not ratio <= WORST_RATIO for ratio in ratios.values())
     return (
-        f"of {len(ratios)} effects, in the worse motion: {half} with at most half the error of the "
-        f"tuned PID, {worse} with more than {WORST_RATIO:g} times it; {text}"
+        f"of {len({each.effect for each in judged})} effects, in the worse motion: the first time "
+        f"{_compared([(each.effect, each.first_ratio) for each in judged])} times it, the last "
+        f"time {_compared([(each.effect, each.ratio) for each in judged])} times it; {text}"
     )
 
 

@@ -15,7 +15,7 @@ COLUMNS = 2
 def plotjuggler_layout(rig: Rig, prefix: str = "") -> str:
     """The layout as XML; parameters as for `foxglove_layout`."""
     root = Element("root")
-    window = SubElement(root, "tabbed_widget", name="Main Window", parent="main_window")
+    window = SubElement(root, "tabbed_widget", {"name": "Main Window", "parent": "main_window"})
     for joint in rig.joints:
         tab = SubElement(window, "Tab", tab_name=joint.name, containers="1")
         plots = plots_of(rig, joint, prefix)

@@ -204,7 +204,7 @@ class SwingWatch:
         return Swings(sizes[-1], SWINGS / (2.0 * lasted), rests, self._sticks(lasted, rests))
 
     def _sticks(self, lasted: float, rests: bool) -> bool:
-        """Whether a joint that rests stood for most of the last time [s], or one that moves stops."""
+        """Whether a joint at rest stood for most of the last time [s], or one in motion stopped."""
         begin = self._turned - lasted
         times, places = zip(*self._places, strict=True)
         at = np.linspace(begin, self._turned, SWINGS * PARTS + 1)
