@@ -185,8 +185,9 @@ class AveragedFit:
         evidence[~ordinary & (self._better * left > left[ordinary].min())] = -math.inf
         odds = np.exp(evidence - evidence.max())
         self.probabilities = odds / odds.sum()
-        doubtful = (EXPLAINED * self._noise) ** 2 * self._seen
-        self._unexplained = min(float(self.probabilities @ left) / doubtful, 1.0)
+        doubtful = (EXPLAINED * self._noise) ** 2
+        errors = float(self.probabilities @ left) + before * doubtful
+        self._unexplained = min(errors / (samples * doubtful), 1.0)
         weights = self.probabilities @ self._solutions
         explained, least = self._explained(weights), self._least
         if explained <= least:
