@@ -126,10 +126,11 @@ def test_a_fit_that_explains_the_values_is_used_faster_than_one_that_does_not():
     used = []
     for left in (0.1 * NOISE, 10.0 * NOISE):  # by the fit
         following = fit(Rival((0,), 0.0), deviations=(1.0,))
-        for _ in range(10):  # 0.1 s
+        for _ in range(40):  # 0.4 s
             first = random.standard_normal()
             value = 0.5 * first + left * random.standard_normal()
             following.update(np.array([first]), value, 0.01)
         used.append(following.weights[0] / following.fitted[0])
-    assert used[0] > 0.9
-    assert used[1] < 0.5
+    missing = 1.0 - np.array(used)
+    assert missing[1] > 0.2
+    assert missing[0] < 0.6 * missing[1]

@@ -180,8 +180,8 @@ def fit_rivals(
         left += rivals[r][PROBABILITY] * rivals[r][LEFT]
         for i in range(count):
             fitted[i] += rivals[r][PROBABILITY] * solutions[r][i]
-    doubtful = (EXPLAINED * given[NOISE]) ** 2 * state[SEEN]
-    state[UNEXPLAINED] = min(left / doubtful, 1.0)
+    doubtful = (EXPLAINED * given[NOISE]) ** 2
+    state[UNEXPLAINED] = min((left + before * doubtful) / (samples * doubtful), 1.0)
     explained, least = square_sum(products, fitted), given[THRESHOLD] ** 2 * state[SEEN]
     used = 0.0 if explained <= least else 1.0 - least / explained
     for i in range(count):

@@ -12,6 +12,7 @@ from __future__ import annotations
 import contextlib
 import math
 import multiprocessing
+import os
 import signal
 import threading
 import time
@@ -246,7 +247,9 @@ class RosPort:
 
 
 @contextmanager
-def open_ros_port(rig: Rig, joint: str, period: float, namespace: str = "") -> Iterator[RosPort]:
+def open_ros_port(
+    rig: Rig, joint: str, period: float, namespace: str = "", niceness: int = 0
+) -> Iterator[RosPort]:
     """A port to the robot in the ROS domain of this terminal; at its end the muscles are vented.
 
     Parameters
@@ -259,6 +262,9 @@ def open_ros_port(rig: Rig, joint: str, period: float, namespace: str = "") -> I
         Of the commands [s].
     namespace : str
         Of the robot's nodes.
+    niceness : int
+        Added to that of this process, which computes between two motions, but not to that of the
+        node: driver and commands must not be held up.
 
     Raises
     ------
@@ -271,6 +277,7 @@ def open_ros_port(rig: Rig, joint: str, period: float, namespace: str = "") -> I
     )
     process.start()
     there.close()
+    os.nice(niceness)
     try:
         yield RosPort(here, period)
     finally:
