@@ -146,7 +146,7 @@ def _declare_bench(parser: Parser) -> None:
 
 
 def _bench(given: Arguments) -> Outcome:
-    from pam_check.blind.bench_campaign import run  # noqa: PLC0415  (scipy, numba)
+    from pam_check.calibration.bench_diagnoses import run  # noqa: PLC0415  (scipy, numba)
 
     return run(given)
 

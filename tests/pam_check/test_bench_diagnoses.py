@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pam_check.blind.bench_campaign import HELD, HOW, draw_bench, hidden_effects
+from pam_check.calibration.bench_diagnoses import HELD, HOW, draw_bench, hidden_effects
 from pam_model.effects import EFFECTS
 
 
