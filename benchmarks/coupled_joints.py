@@ -23,9 +23,10 @@ from pam_model.body.hinge_tree import N_LINK_SCRATCH, mass_and_bias
 from pam_model.body.link import Link, link_numbers
 from pam_model.command_line import Arguments, Command, Outcome, Parser, run_command
 from pam_model.plant.compiled import HAVE_NUMBA, entry_point, for_kernel
+from pam_model.plant.default_step import DEFAULT_STEP
 from pam_model.plant.parameters import PlantParameters
 from pam_model.plant.robot_plant import RobotPlant
-from pam_model.plant.simulate import DEFAULT_STEP, Plant
+from pam_model.plant.simulate import Plant
 from pam_model.rig import load_rig
 
 ELBOW = Path(__file__).parents[1] / "config/elbow.yaml"

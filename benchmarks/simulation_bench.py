@@ -27,10 +27,11 @@ from pam_gap.prediction.observer import observe
 from pam_model.command_line import Arguments, Command, Outcome, Parser, run_command
 from pam_model.plant.compiled import HAVE_NUMBA, for_kernel
 from pam_model.plant.constants import derive_constants
+from pam_model.plant.default_step import DEFAULT_STEP
 from pam_model.plant.lane_choice import lane_kernels
 from pam_model.plant.parameters import PlantParameters
 from pam_model.plant.sensors import sensor_constants
-from pam_model.plant.simulate import DEFAULT_STEP, initial_state, simulate
+from pam_model.plant.simulate import initial_state, simulate
 from pam_model.rig import load_rig
 
 Array = npt.NDArray[np.float64]

@@ -33,7 +33,17 @@ ROOT = Path(__file__).resolve().parents[1]
 
 # A busy host is slow; how long an example takes says nothing about the code.
 hypothesis.settings.register_profile("any_host", deadline=None)
-hypothesis.settings.load_profile("any_host")
+hypothesis.settings.register_profile("short_run", deadline=None, max_examples=40)
+
+
+def is_short(config: pytest.Config) -> bool:
+    """Whether the tests of the long run are left out, as `make test` does."""
+    return "not long" in config.option.markexpr
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Draw fewer examples in the short run, others every time."""
+    hypothesis.settings.load_profile("short_run" if is_short(config) else "any_host")
 
 
 @pytest.hookimpl(tryfirst=True)  # before pytest selects by `-m`
@@ -71,7 +81,7 @@ def pytest_collection_finish() -> None:
 @pytest.fixture(scope="session", autouse=True)
 def _nothing_is_compiled_beside(request: pytest.FixtureRequest) -> Iterator[None]:
     """In the short run a faster kernel takes longer to compile than the diagnoses save by it."""
-    if "not long" not in request.config.option.markexpr:
+    if not is_short(request.config):
         yield
         return
     from pam_model.plant import compile_beside

@@ -81,12 +81,20 @@ def changes(path: Path) -> Iterator[tuple[int, str, str, str]]:
 
 
 def imported(path: Path) -> set[Path]:
-    """The files of the packages that a test file imports."""
+    """The files of the packages that a test file, or what it takes from its folder, imports.
+
+    Or starts as a process: what it calls by the name of a module.
+    """
     found = set()
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         names = []
         if isinstance(node, ast.ImportFrom) and node.module:
             names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+            helper = path.with_name(f"{node.module}.py")
+            if node.level == 1 and helper.exists():
+                found |= imported(helper)
+        elif isinstance(node, ast.Constant) and re.fullmatch(r"pam_\w+(\.\w+)+", str(node.value)):
+            names = [str(node.value)]
         for name in names:
             inside = name.replace(".", "/") + ".py"
             for folder in (ROOT / "src" / name.split(".")[0], ROOT / "proof"):
@@ -228,6 +236,8 @@ def main() -> int:
         long = [path for path in tests if has_long_tests(path)]
         modules = sorted({module for path in long for module in tests[path]})
         modules = [m for m in modules if given.only in str(m) and any(changes(ROOT / m))]
+        if not modules:
+            parser.error(f"--only {given.only}: no file with long tests imports such a module")
         trial = Trial(tree, given.limit, "" if given.processes else ALONE)
         for module, (line, old, new, source) in draws(given.count, given.seed, modules):
             begin = time.monotonic()

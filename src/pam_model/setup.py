@@ -30,7 +30,7 @@ setup(
     ],
     extras_require={
         "compiled": ["numba>=0.59"],
-        "mujoco": ["mujoco>=3.2"],
+        "mujoco": ["mujoco-core>=4.0"],
         "ros": [f"pam_ros[ros]=={VERSION}"],
         "test": ["pytest"],
     },

@@ -119,7 +119,7 @@ def test_what_starts_another_packages_node_depends_on_that_package():
 
 
 def test_requirements_name_every_import_that_is_not_of_ros():
-    files = ("requirements.in", "requirements-view.txt", "requirements-simulators.txt")
+    files = ("requirements.in", "requirements-view.txt")
     text = "".join((ROOT / name).read_text().lower() for name in files)
     listed = set(re.findall(r"^([a-z0-9-]+)", text, re.MULTILINE))
     wanted = {name for package in ALL_PACKAGES for name in foreign_imports(package)}
@@ -148,7 +148,7 @@ def test_a_wheel_requires_what_its_package_imports(package, monkeypatch):
     """As requirements.in does, and the other packages of the suite in its own version."""
     required_lines, extra_lines = setup_lists(package, monkeypatch)
     version = ET.parse(SOURCE / package / "package.xml").getroot().findtext("version")
-    files = ("requirements.in", "requirements-view.txt", "requirements-simulators.txt")
+    files = ("requirements.in", "requirements-view.txt")
     known = {line for name in files for line in (ROOT / name).read_text().splitlines()}
     known |= {f"{name}=={version}" for name in PACKAGES} | {"pytest"}
     known |= {f"{name}[{extra}]=={version}" for name in PACKAGES for extra in ("ros", "compiled")}

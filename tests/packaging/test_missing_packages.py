@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import json
+import re
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -17,11 +20,13 @@ from .test_dependencies import INDEX_NAMES, OPTIONAL
 
 TYPES = get_typestore(Stores.ROS2_JAZZY)
 ELBOW = ROOT / "config/elbow.yaml"
-# a package of ours and its command line
-COMMAND = """
-import importlib, sys
-package, *words = sys.argv[1:]
-sys.exit(importlib.import_module(f"{package}.__main__").main(words))
+# command lines, each with its package of ours
+COMMANDS = """
+import importlib, json, sys
+for package, *words in map(json.loads, sys.argv[1:]):
+    code = importlib.import_module(f"{package}.__main__").main(words)
+    print("ended with", code, file=sys.stderr, flush=True)
+sys.exit(code)
 """
 # at the start of each Python, also of those that a node starts: names that cannot be imported
 WITHOUT = "import sys\nsys.modules.update(dict.fromkeys({names!r}))\n"
@@ -30,13 +35,12 @@ ROS = "rclpy,rosidl_parser,sensor_msgs,std_msgs,diagnostic_msgs"
 NODE = ["--ros-args", "--params-file", str(ELBOW)]
 
 
-def run(
-    missing: str, package: str, *words: object, cache: Path
-) -> subprocess.CompletedProcess[str]:
+def run(missing: str, *commands: Sequence[object], cache: Path) -> list[str]:
+    """What commands say, one after the other in one process; the last word is the exit code."""
     start = WITHOUT.format(names=missing.split(","))
     (cache / "sitecustomize.py").write_text(start, encoding="utf-8")
-    return subprocess.run(
-        [sys.executable, "-c", COMMAND, package, *map(str, words)],
+    ended = subprocess.run(
+        [sys.executable, "-c", COMMANDS, *(json.dumps([*map(str, words)]) for words in commands)],
         capture_output=True,
         text=True,
         timeout=120,
@@ -44,54 +48,73 @@ def run(
         env={"PATH": "/usr/bin:/bin", "HOME": str(cache), "PYTHONPATH": str(cache),
              "ROS_DOMAIN_ID": "87", "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"},
     )  # fmt: skip
+    lines = [line for line in ended.stderr.splitlines() if not line.startswith("[INFO]")]
+    said = re.split(r"(?<=ended with \d)\n", "\n".join(lines))
+    assert len(said) == len(commands), ended.stderr
+    return said
 
 
 @pytest.fixture
-def bag(tmp_path):
-    folder = tmp_path / "bag"
-    with Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+def places(tmp_path: Path) -> dict[str, Path]:
+    """The files that commands are given."""
+    with Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
         writer.add_connection("/joint_states", "sensor_msgs/msg/JointState", typestore=TYPES)
-    return folder
+    (tmp_path / "a.csv.zst").write_bytes(ZST)
+    (tmp_path / "a.parquet").write_bytes(b"PAR1")
+    names = {"BAG": "bag", "OUT": "out", "PACKED": "a.csv.zst", "PARQUET": "a.parquet"}
+    return {word: tmp_path / name for word, name in names.items()}
 
 
-@pytest.mark.sampled(
-    "one command for each package that may be missing",
-    alike=lambda missing, package, words: missing,
+COMMANDS_WITHOUT = [
+    ("cantools", "pam_driver", "check-rig", ELBOW),
+    ("rosbags", "pam_gap", "diagnose", "BAG", "--rig", ELBOW, "--out", "OUT"),
+    ("backports", "pam_gap", "import", "PACKED", "--rig", ELBOW, "--out", "OUT"),
+    ("gymnasium", "pam_check", "trained-policy"),
+    ("pyarrow", "pam_gap", "import", "PARQUET", "--rig", ELBOW, "--out", "OUT"),
+    (ROS, "pam_gap", "monitor"),
+    (ROS, "pam_driver", "node"),
+    (ROS, "pam_gap", "record", "--rig", ELBOW, "--out", "OUT"),
+]
+"""What is missing, and a command that needs it."""
+WITH_ROS = [("cantools", "pam_driver", "node", *NODE), ("control", "pam_control", "node", *NODE)]
+ONE_BY_ONE = pytest.mark.long(
+    "the same commands say the same in one process, where everything is missing"
 )
+
+
+def check_sentence(missing: str, said: str) -> None:
+    name = missing.partition(",")[0]
+    line, *end = said.splitlines()
+    assert end == ["ended with 2"], said
+    assert f"the Python package {name} is not installed" in line
+    assert NEEDED_FOR[name][1] in line
+
+
+def test_each_command_names_the_package_that_it_needs_where_all_are_missing(places, tmp_path):
+    commands = [[places.get(w, w) for w in map(str, words)] for _, *words in COMMANDS_WITHOUT]
+    everything = ",".join(dict.fromkeys(missing for missing, *_ in COMMANDS_WITHOUT))
+    said = run(everything, *commands, cache=tmp_path)
+    for (missing, *_), text in zip(COMMANDS_WITHOUT, said, strict=True):
+        check_sentence(missing, text)
+
+
 @pytest.mark.parametrize(
-    ("missing", "package", "words"),
+    ("missing", "words"),
     [
-        ("cantools", "pam_driver", ["check-rig", ELBOW]),
-        ("cantools", "pam_driver", ["node", *NODE]),
-        ("canopen", "pam_driver", ["check-rig", ROOT / "config/elbow_canopen.yaml"]),
-        ("control", "pam_control", ["node", *NODE]),
-        ("rosbags", "pam_gap", ["diagnose", "BAG", "--rig", ELBOW, "--out", "OUT"]),
-        ("backports", "pam_gap", ["import", "PACKED", "--rig", ELBOW, "--out", "OUT"]),
-        ("gymnasium", "pam_check", ["trained-policy"]),
-        ("pyarrow", "pam_gap", ["import", "PARQUET", "--rig", ELBOW, "--out", "OUT"]),
-        (ROS, "pam_gap", ["monitor"]),
-        (ROS, "pam_driver", ["node"]),
-        (ROS, "pam_gap", ["record", "--rig", ELBOW, "--out", "OUT"]),
+        pytest.param(missing, words, marks=() if missing == "control" else ONE_BY_ONE)
+        for missing, *words in (*WITH_ROS, *COMMANDS_WITHOUT)
     ],
 )
-def test_a_missing_package_is_one_line_that_says_what_to_install(
-    missing, package, words, bag, tmp_path
-):
-    places = {"BAG": bag, "OUT": tmp_path / "out"}
-    for word, name, start in (("PACKED", "a.csv.zst", ZST), ("PARQUET", "a.parquet", b"PAR1")):
-        places[word] = tmp_path / name
-        places[word].write_bytes(start)
-    ended = run(missing, package, *(places.get(str(w), w) for w in words), cache=tmp_path)
-    said = [line for line in ended.stderr.splitlines() if not line.startswith("[INFO]")]
-    assert (ended.returncode, len(said)) == (2, 1), ended.stderr
-    name = missing.partition(",")[0]
-    assert f"the Python package {name} is not installed" in said[0]
-    assert NEEDED_FOR[name][1] in said[0]
+def test_a_missing_package_is_one_line_that_says_what_to_install(missing, words, places, tmp_path):
+    (said,) = run(missing, [places.get(w, w) for w in map(str, words)], cache=tmp_path)
+    check_sentence(missing, said)
 
 
-def test_a_driver_of_other_boards_needs_no_canopen(tmp_path):
-    ended = run("canopen", "pam_driver", "check-rig", ELBOW, cache=tmp_path)
-    assert (ended.returncode, ended.stderr) == (0, "")
+def test_only_the_driver_of_canopen_devices_needs_canopen(tmp_path):
+    rigs = ELBOW, ROOT / "config/elbow_canopen.yaml"
+    said = run("canopen", *(["pam_driver", "check-rig", rig] for rig in rigs), cache=tmp_path)
+    assert said[0] == "ended with 0"
+    check_sentence("canopen", said[1])
 
 
 def test_a_table_is_diagnosed_and_shown_without_bags_figures_or_ros(tmp_path):
@@ -102,13 +125,10 @@ def test_a_table_is_diagnosed_and_shown_without_bags_figures_or_ros(tmp_path):
     head = ",".join(["time", *names, "joint_states.elbow.position"])
     log.write_text("\n".join([head, *rows]))
     missing = f"rosbags,bokeh,backports,{ROS}"
-    words = ["diagnose", log, "--rig", ELBOW, "--out", tmp_path / "out"]
-    ended = run(missing, "pam_gap", *words, cache=tmp_path)
-    assert (ended.returncode, ended.stderr) == (0, ""), ended.stderr
-    words = ["import", log, "--rig", ELBOW, "--out", tmp_path / "preview"]
-    ended = run(missing, "pam_gap", *words, cache=tmp_path)
-    assert (ended.returncode, ended.stderr) == (0, ""), ended.stderr
-    (page,) = (tmp_path / "preview").glob("*.html")
+    ways = {"diagnose": tmp_path / "out", "import": tmp_path / "preview"}
+    commands = [["pam_gap", way, log, "--rig", ELBOW, "--out", out] for way, out in ways.items()]
+    assert run(missing, *commands, cache=tmp_path) == ["ended with 0"] * 2
+    (page,) = ways["import"].glob("*.html")
     assert "There are no plots here: the Python package bokeh is not installed" in page.read_text()
 
 

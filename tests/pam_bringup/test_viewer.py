@@ -181,6 +181,50 @@ def test_the_viewer_gets_the_curves_the_arm_and_the_words(rig, tmp_path):
         assert path in content, path
 
 
+class Parts:
+    """Stands in for the viewer's stream and keeps what each part holds."""
+
+    def __init__(self):
+        self.sent: list[tuple[str, str, list[float]]] = []
+
+    def log(self, *_, **__):
+        pass
+
+    def flush(self):
+        pass
+
+    def send_columns(self, path, indexes, columns):
+        (index,) = indexes
+        kind = str(index.timeline_type() if hasattr(index, "timeline_type") else "")
+        self.sent.append((path, kind, list(index.times)))
+
+
+@pytest.mark.parametrize("live", [True, False])
+def test_a_recording_is_handed_over_in_one_part_for_each_curve_curves_first(live, rig, monkeypatch):
+    """In thousands of parts, the page showed the first seconds for a minute."""
+    pytest.importorskip("rerun", reason="rerun-sdk is optional")
+    sink = rerun_sink.RerunSink(live=live)
+    monkeypatch.setattr(sink, "_stream", Parts())
+    view = RobotView(rig, sink)
+    for tick in range(100):
+        now = 1000.0 + 0.1 * tick
+        view.take("joint_states", now, states(rig.joint_names, [0.1]))
+        view.take("pressure_states", now, states(rig.muscle_names, effort=[2e5, 2e5]))
+        view.take("pam_driver/state", now, SimpleNamespace(message="active", values=[]))
+    if not live:
+        assert sink._stream.sent == []
+    sink.finish()
+    paths = [path for path, _, _ in sink._stream.sent]
+    if live:
+        assert paths.index("driver") < paths.index("pressure/elbow_flexor") or len(paths) > 100
+        return
+    assert len(paths) == len(set(paths))
+    curves = [path for path in paths if path.startswith(("angle/", "pressure/"))]
+    assert paths[: len(curves)] == curves
+    assert paths[-1] == "driver"
+    assert paths.count("arm/elbow/link") == 1
+
+
 def listening(port: int) -> list[str]:
     """The local addresses on which this machine listens, as the kernel writes them."""
     rows = [

@@ -142,7 +142,7 @@ def problem(chain: Any, name: str, drawn: dict[str, float]) -> str:
     return in_a_fork(lambda: run_trial(chain, kind, values | drawn, 1)).problem
 
 
-@pytest.mark.sampled("five of the kinds, each with a guard of its own", cases=5)
+@pytest.mark.sampled("three of the kinds, each with a guard of its own", cases=3)
 @pytest.mark.parametrize("name", KINDS)
 def test_a_kind_is_kept_with_its_guard_and_out_of_bounds_without(
     chain: Any, name: str, monkeypatch: Patch

@@ -130,7 +130,7 @@ ACTS = {
 @pytest.mark.parametrize("name", ACTS)
 def test_a_failing_part_stays_within_the_bounds(chain: Any, name: str, angle: float | None) -> None:
     bounds = bounds_of(chain.rig)
-    seen = watch(chain, ACTS[name], angle, 3.0)
+    seen = watch(chain, ACTS[name], angle, 2.0)
     assert seen.speed <= bounds.speed
     assert seen.error <= bounds.tracking_error
     assert seen.farthest <= bounds.position[1]

@@ -266,6 +266,10 @@ OF_CONSUMER: dict[str, dict[str, Callable[[Robot], Any] | None]] = {
         "table": MuscleTable.of,
         "numbers": lambda robot: for_kernel(joint_numbers(robot)),
     },
+    "air_drawn": {
+        "commands": lambda robot: np.array([0.5, 1.0, -1.0, 0.2]),
+        "pressures": lambda robot: np.array([1e5, 2e5, 2e5, 1.5e5]),
+    },
     "operating_point": {"pressures": lambda robot: (2e5, 1.5e5)},
     "arm_strokes": {
         "joint": lambda robot: 0,

@@ -40,13 +40,14 @@ LAWS = {"ratio": PressureRatioPid(), "difference": PressureDifferencePid()}
 
 def held(closed_loop, rig, law):
     """The law at rest at HELD, and its loop."""
-    settings = ControlSettings(feedforward=law in ("model", "difference"))
+    # one stiffness, so that each change asks for few designs
+    settings = ControlSettings(feedforward=law in ("model", "difference"), stiffness_grid=(14.0,))
     controller = Controller(rig, settings, law=LAWS.get(law, MODEL_BASED))
     loop = closed_loop(controller)
-    loop.run(2.0)
+    loop.run(1.0)
     points = [TrajectoryPoint(1.0, [HELD], [0.0], [0.0])]
     controller.references.follow(["elbow"], points, start=None, now=loop.time)
-    loop.run(4.0)
+    loop.run(3.0)
     return controller, loop
 
 

@@ -56,14 +56,22 @@ def rigs() -> dict[str, Rig]:
 
 def commands(name: str, designs: KeptDesigns | None = None) -> list[list[float]]:
     """Commands and desired pressures of a motion, without a plant; what is learnt is used."""
-    return commands_of(rigs()[name], designs=designs)
+    # designed for one stiffness, which is quicker, but for the elbow's gains, which depend on it
+    grid = () if name == "elbow" else (14.0,)
+    return commands_of(rigs()[name], grid=grid, designs=designs)
 
 
 def commands_of(
-    rig: Rig, *, adapts: bool = True, designs: KeptDesigns | None = None
+    rig: Rig,
+    *,
+    adapts: bool = True,
+    grid: tuple[float, ...] = (),
+    designs: KeptDesigns | None = None,
 ) -> list[list[float]]:
     """The same of any rig, whose muscles are measured in the order of the joints."""
-    settings = ControlSettings(observer=True, observer_bandwidth=5.0, adaptation=adapts)
+    settings = ControlSettings(
+        observer=True, observer_bandwidth=5.0, adaptation=adapts, stiffness_grid=grid
+    )
     controller, rows = Controller(rig, settings, designs=designs), []
     count = len(rig.joints)
     order = [rig.muscle_names.index(name) for joint in rig.joints for name in joint.muscles]

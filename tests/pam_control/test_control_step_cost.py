@@ -5,7 +5,7 @@ import math
 import pstats
 from functools import partial
 
-from pam_control.adaptation.recursive_fit import RecursiveFit
+from pam_control.adaptation.recursive_fit import UNSOLVED, RecursiveFit
 from pam_control.control_step import Measurement
 from pam_control.controller import Controller
 from pam_control.settings import ControlSettings
@@ -65,8 +65,14 @@ def test_no_cycle_builds_more_than_one_model(rig, monkeypatch):
 
 def test_joints_take_turns_with_what_they_learn(two_joint_rig, monkeypatch):
     """Two joints and four valves solve ten fits; in one cycle, seven joints would need 5 ms."""
-    solved, solve = [], RecursiveFit._solved
-    monkeypatch.setattr(RecursiveFit, "_solved", lambda fit: solved.append(1) or solve(fit))
+    solved, update = [], RecursiveFit.update
+
+    def counted(fit, *sample):
+        update(fit, *sample)
+        if fit._state[UNSOLVED] == 0.0:
+            solved.append(1)
+
+    monkeypatch.setattr(RecursiveFit, "update", counted)
     counts = []
     for step in steps_of_a_stream(two_joint_rig, 500):
         before = len(solved)

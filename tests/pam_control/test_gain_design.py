@@ -12,7 +12,6 @@ from pam_control.feedback.closed_loop import is_stable, state_space
 from pam_control.feedback.gain_schedule import GainSchedule
 from pam_control.feedback.linear_joint import LoopTiming, frequency_response
 from pam_control.feedback.margins import ControlDesignError, margins, pid_response
-from pam_control.feedback.operating_points import operating_point
 from pam_control.feedback.pid import PidGains, integrate, pid_output
 from pam_control.laws.pressure_ratio_pid import PressureRatioPid
 from pam_control.laws.registry import laws
@@ -24,6 +23,7 @@ from pam_model.plant.simulate import initial_state, simulate
 from pam_model.rig import load_rig
 from pam_model.robot import compose
 from pam_model.views.inverse_dynamics import InverseDynamics
+from pam_model.views.linearised_joint import operating_point
 from support.feedback_rows import feedback
 from support.rigs import CONFIG
 

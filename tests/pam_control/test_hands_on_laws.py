@@ -176,7 +176,12 @@ def torque_loop(make, closed_loop):
     return controller, loop
 
 
-@pytest.mark.parametrize("weight", [0.0, -4.9], ids=["horizontal", "inverted"])
+HORIZONTAL = pytest.mark.long("the inverted joint, which falls, is harder to balance")
+
+
+@pytest.mark.parametrize(
+    "weight", [pytest.param(0.0, marks=HORIZONTAL), -4.9], ids=["horizontal", "inverted"]
+)
 def test_a_planner_may_balance_a_joint_that_its_weight_does_not_hold(closed_loop, rig, weight):
     """The law refused every joint without a restoring weight, although only its angle drifts."""
     other = rig.with_joint(replace(rig.joints[0], gravity_torque=weight))

@@ -33,7 +33,8 @@ def controllers() -> dict[float, Controller]:
     """By damping; a design takes seconds."""
     elbow = load_rig(ELBOW)
     return {
-        damping: Controller(regulated(elbow, damping), ControlSettings()) for damping in (0.65, 1.0)
+        damping: Controller(regulated(elbow, damping), ControlSettings(stiffness_grid=(14.0,)))
+        for damping in (0.65, 1.0)
     }
 
 

@@ -67,6 +67,7 @@ def test_the_simulated_board_keeps_the_rules_in_real_time(bus: BusChoice, tmp_pa
     assert "watchdog_latches" in page.read_text()
 
 
+@pytest.mark.long("test_board_rules asks the same question and opens nothing without permission")
 @pytest.mark.system
 def test_valves_open_only_after_a_yes(bus: BusChoice, tmp_path: Path) -> None:
     done = check(bus, "--json", "--out", str(tmp_path / "board.md"), answer="no\n")

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import io
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
+from pam_driver.__main__ import main
+from pam_driver.board_rules import conformance
 from pam_driver.board_rules.conformance import RULES, find_board, play, play_all
 from pam_driver.board_rules.page import as_text, summary, write_page
 from pam_driver.board_rules.rule import RuleResult, RuleVerdict
@@ -85,6 +89,35 @@ def test_nothing_opens_a_valve_without_permission() -> None:
     assert tried == {rule.name for rule in RULES if not rule.opens_valves}
     assert all(result.verdict is not RuleVerdict.FAIL for result in results)
     assert max(line.sim.ground_truth().pressures) < 1e3
+
+
+@pytest.mark.parametrize(
+    ("typed", "may_open"),
+    [("yes\n", True), (" YES\n", True), ("no\n", False), ("\n", False), ("", False)],
+)
+def test_a_person_permits_it_with_a_yes_alone(
+    typed: str,
+    may_open: bool,
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Of the whole command: what is played on a board that answers."""
+    played: list[bool] = []
+    line = SimpleNamespace(name="can0", close=lambda: None)
+    for name, stub in (
+        ("open_bus", lambda *_, **__: line),
+        ("find_board", lambda _: None),
+        ("play_all", lambda _, permitted: played.append(permitted) or []),
+    ):
+        monkeypatch.setattr(conformance, name, stub)
+    monkeypatch.setattr("sys.stdin", io.StringIO(typed))
+    words = ["check-board", "--out", str(tmp_path / "board.md")]
+    assert main(words) == 0
+    assert main([*words, "--yes"]) == 0
+    assert main([*words, "--no-air"]) == 0
+    assert played == [may_open, True, False]
+    assert capsys.readouterr().err.count("the joint moves") == 1
 
 
 def test_a_board_that_is_not_there_is_named_with_those_that_are() -> None:

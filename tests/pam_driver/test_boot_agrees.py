@@ -5,6 +5,7 @@ The device is the LocalNode of the package canopen with the same EDS file, on a 
 
 from __future__ import annotations
 
+import itertools
 import logging
 import re
 from collections.abc import Iterator
@@ -117,8 +118,10 @@ def quiet() -> Iterator[None]:
 
 
 @pytest.mark.sampled(
-    "each of the devices once, as one that is booted", alike=lambda board, keys: board
+    "each of the devices once, as one that is booted, and every other of its flaws",
+    alike=lambda board, keys, half: board,
 )
+@pytest.mark.parametrize("half", [0, 1])
 @pytest.mark.parametrize(
     ("board", "keys"),
     [
@@ -130,13 +133,14 @@ def quiet() -> Iterator[None]:
     ids=["encoder", "encoder as it is", "outputs", "pressure"],
 )
 def test_a_device_that_the_check_accepts_is_booted(
-    board: str, keys: dict[str, Any], tmp_path: Path
+    board: str, keys: dict[str, Any], half: int, tmp_path: Path
 ) -> None:
     wired = RigWiring(load_rig(ELBOW_CANOPEN)).boards[board]
     own = {key: value for key, value in wired.settings.items() if key != "profile"}
     eds = tmp_path / "dev.eds"
     accepted = refused = 0
-    for name, text in flawed(profile_path(PROFILE[board]).read_text()):
+    files = flawed(profile_path(PROFILE[board]).read_text())
+    for name, text in itertools.islice(files, half, None, 2):
         eds.write_text(text)
         changed = replace(wired, settings={**own, **keys, "eds": str(eds)})
         reader = CanopenDeviceReader(changed)
@@ -146,8 +150,8 @@ def test_a_device_that_the_check_accepts_is_booted(
             continue
         accepted += 1
         assert not booted(changed, reader, eds), name
-    assert accepted > 10
-    assert refused > 5
+    assert accepted > 5
+    assert refused > 2
 
 
 READ_ONLY: Final = ("1800", "1800sub1", "1A00sub0", "1A00sub1", "1A00sub2")

@@ -378,7 +378,6 @@ BAD_STARTS: dict[str, tuple[dict[str, Any], Callable[[str], str] | None, str]] =
 
 
 @pytest.mark.sampled("three bad starts; the words of each are held where it is checked", cases=3)
-@pytest.mark.system
 @pytest.mark.parametrize("name", BAD_STARTS)
 def test_a_bad_start_is_one_message_and_no_movement(
     make_bench: Callable[[str], Bench], name: str, tmp_path: Path
@@ -400,7 +399,6 @@ def test_a_bad_start_is_one_message_and_no_movement(
     assert not any(any(command.enable) for command in bench.board.commands)
 
 
-@pytest.mark.system
 def test_a_bad_dbc_ends_the_process(make_bench: Callable[[str], Bench], tmp_path: Path) -> None:
     bench = make_bench("udp_multicast")
     dbc = tmp_path / "board.dbc"

@@ -34,8 +34,9 @@ class Watched:
         self.let_in = False
 
     def run(self, seconds: float) -> Watched:
+        """At most so long: until the driver has ended the motion and the empty arm hangs still."""
         end = self.bench.now + seconds
-        while self.bench.now < end:
+        while self.bench.now < end and not self._is_over():
             self.bench.step()
             truth = self.bench.truth
             self.highest = max(self.highest, truth.positions[0])
@@ -47,10 +48,16 @@ class Watched:
                 self.states.append(state)
         return self
 
+    def _is_over(self) -> bool:
+        truth = self.bench.truth
+        ended = self.bench.driver.state in {SafetyState.VENTED, SafetyState.FAULT}
+        is_empty = max(truth.pressures) < 1e3
+        return ended and is_empty and abs(truth.velocities[0]) + abs(truth.positions[0]) < 0.02
+
 
 def held(rig: Rig, settings: DriverSettings | None = None, **effects: float) -> ArmBench:
     bench = ArmBench(rig, settings, effects)
-    bench.hold(list(HELD))
+    bench.hold(list(HELD), 2.5)
     return bench
 
 

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pam_gap.prediction.lever_arm import LeverArm
 from pam_gap.recordings.recording import Recording
 from pam_model.plant.layout import C_EXTERNAL
+from pam_model.plant.lever_arm import LeverArm
 from pam_model.plant.parameters import PlantParameters
 from pam_model.plant.simulate import Plant
 from pam_model.rig import Rig, load_rig

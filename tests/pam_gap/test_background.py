@@ -1,4 +1,4 @@
-"""An ordinary background is no cause: it raises the floor, and it is fitted without being named."""
+"""An ordinary background is no cause: it raises the floor."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -6,24 +6,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pam_gap.diagnosis_engine import JointDiagnosis
 from pam_gap.inference.candidates import candidates_for, nuisances_for, ordinary_sizes
 from pam_gap.inference.decision import Decision, Judge
 from pam_gap.inference.named_effects import named_effects
 from pam_gap.inference.probabilities import agreed, cause_probabilities, probabilities
 from pam_gap.inference.score import Score
-from pam_gap.inference.search import CandidateSearch
-from pam_gap.prediction.fit import mean_squares
-from pam_gap.prediction.lever_arm import LeverArm
 from pam_gap.rules import DEFAULT
 from pam_model.effects import EFFECTS
-from pam_model.plant.compiled import HAVE_NUMBA
-from pam_model.rig import Rig, load_rig
+from pam_model.rig import load_rig
 from pam_model.rig.types import ValveKind
 
-from .conftest import Maker
-
-needs_numba = pytest.mark.skipif(not HAVE_NUMBA, reason="a fit needs the compiled plant")
 ELBOW = load_rig(Path(__file__).parents[2] / "config" / "elbow.yaml")
 CHANNELS, BLOCKS = 3, 16
 PRESENT = np.ones(CHANNELS, dtype=bool)
@@ -256,84 +248,12 @@ def test_a_gap_that_does_not_matter_is_most_probably_none() -> None:
     assert probabilities(judge, nominal, decision)["none"] > 0.8
 
 
-def with_few(engine: JointDiagnosis) -> JointDiagnosis:
-    """The diagnosis with few effects, which is quicker."""
-    few = [c for c in engine.candidates() if c.effect in ("dead_volume", "position_offset")]
-    engine.candidates = lambda: few  # type: ignore[method-assign]
-    return engine
-
-
 def test_the_less_is_left_the_less_of_a_background_counts() -> None:
     judge = Judge(np.ones(CHANNELS), PRESENT, DEFAULT.decision, background=BACKGROUND)
     judge.set_floor([score((), (9.0, 9.0, 30.0)), score(("thermal",), (1.0, 1.0, 1.0))])
     assert judge.floor == pytest.approx(np.ones(CHANNELS), abs=0.05)
     judge.set_floor([score((), (90.0, 90.0, 300.0)), score(("thermal",), (50.0, 50.0, 100.0))])
     assert judge.floor == pytest.approx(1.0 + BACKGROUND)
-
-
-@needs_numba
-def test_a_background_that_is_fitted_down_to_the_noise_is_still_a_background(
-    rig: Rig, record: Maker
-) -> None:
-    """Without one, the simulation alone would have to explain the recording, and cannot."""
-    sizes = ordinary_sizes(rig, rig.joints[0])
-    amounts = {path: 0.5 * size for _, paths, size in sizes for path in paths}
-    volumes = {f"{side}.dead_volume": 6e-5 for side in ("agonist", "antagonist")}
-    engine = with_few(JointDiagnosis(rig, 0, [record(amounts | volumes)]))
-    assert engine.run().effects == ("dead_volume",)
-    assert engine.fitter.background is not None
-    clean = with_few(JointDiagnosis(rig, 0, [record(volumes)]))
-    assert clean.run().effects == ("dead_volume",)
-    assert clean.fitter.background is None
-
-
-@needs_numba
-def test_two_causes_on_a_rig_without_a_background_are_both_named(rig: Rig, record: Maker) -> None:
-    """A fitted background imitated the second one, and the search ended with the first."""
-    volumes = {f"{side}.dead_volume": 6e-5 for side in ("agonist", "antagonist")}
-    both = volumes | {"position_offset.offset": 8e-3}
-    clean = with_few(JointDiagnosis(rig, 0, [record(both)]))
-    assert set(clean.run().effects) == {"dead_volume", "position_offset"}
-    assert clean.fitter.background is None
-
-
-@needs_numba
-def test_a_background_is_no_pair_of_causes(rig: Rig, record: Maker) -> None:
-    sizes = ordinary_sizes(rig, rig.joints[0])
-    amounts = {path: 0.5 * size for _, paths, size in sizes for path in paths}
-    volumes = {f"{side}.dead_volume": 6e-5 for side in ("agonist", "antagonist")}
-    engine = with_few(JointDiagnosis(rig, 0, [record(amounts | volumes)]))
-    result = CandidateSearch(engine.fitter, engine.candidates()).singles()
-    assert not engine.has_no_background(result)
-    without = with_few(JointDiagnosis(rig, 0, [record(volumes)]))
-    assert without.has_no_background(
-        CandidateSearch(without.fitter, without.candidates()).singles()
-    )
-
-
-@needs_numba
-def test_an_eccentric_encoder_is_no_offset_of_it(rig: Rig, record: Maker) -> None:
-    recording = record()
-    values = dict(recording.values)
-    name = f"joint_states.{rig.joints[0].name}.position"
-    values[name] = values[name] + 0.06 * np.sin(values[name] + 0.7)
-    answer = with_few(JointDiagnosis(rig, 0, [replace(recording, values=values)])).run()
-    assert answer.verdict == "unknown"
-    assert answer.looks_like == "an eccentricity of the encoder"
-    assert answer.effects == ()
-
-
-@needs_numba
-def test_an_eccentric_pulley_is_no_wrong_radius(rig: Rig, record: Maker) -> None:
-    engine = JointDiagnosis(rig, 0, [record(arm=LeverArm(1.1, 0.35, -0.1, 0.02))])
-    few = [c for c in engine.candidates() if c.effect in ("pulley_radius", "position_offset")]
-    engine.candidates = lambda: few  # type: ignore[method-assign]
-    answer = engine.run()
-    assert answer.verdict == "unknown"
-    assert "eccentric pulley" in answer.looks_like
-    round_one = JointDiagnosis(rig, 0, [record({"pulley_radius.scale": 1.1})])
-    round_one.candidates = lambda: few  # type: ignore[method-assign]
-    assert round_one.run().effects == ("pulley_radius",)
 
 
 @pytest.mark.parametrize("valve", ["flow", "pressure_regulator"])
@@ -407,85 +327,6 @@ def test_a_cause_that_removes_little_beside_ordinary_effects_is_not_named() -> N
     assert not decided(nominal, usual, both, background=floor).is_named
     strong = ordinary(score(("hysteresis", "thermal"), (9.0, 8.0, 42.4)), "hysteresis")
     assert decided(nominal, usual, strong, background=floor).verdict == "named"
-
-
-@needs_numba
-def test_a_fit_removes_the_background_without_calling_it_a_cause(rig: Rig, record: Maker) -> None:
-    """The friction of both muscles and of the joint acts together."""
-    sizes = ordinary_sizes(rig, rig.joints[0])
-    ordinary_amount = {path: 0.5 * size for _, paths, size in sizes for path in paths}
-    engine = JointDiagnosis(rig, 0, [record(ordinary_amount, duration=9.0)])
-    nominal = engine.fitter.fit_nominal()
-    left = nominal.mean_square[2]
-    simulated = mean_squares(engine.fitter.simulated_errors(nominal), engine.problem.counted)[2]
-    assert simulated > 100.0 * engine.floor[2]
-    assert engine.far_beyond() == frozenset()
-    assert left < 0.1 * simulated
-    assert left < engine.floor[2] + engine.fitter.discrepancy[2]
-    background = engine.fitter.background
-    assert background is not None
-    for part, amount in zip(background.terms.free, nominal.result.amounts, strict=True):
-        assert part.low <= amount <= part.high
-    hysteresis = background.beside(("hysteresis",)).columns
-    assert not hysteresis[..., [name == "hysteresis" for name in background.effects]].any()
-
-
-@needs_numba
-@pytest.mark.parametrize(
-    "shape",
-    [
-        {"creep.ratio": 0.015, "creep.time_constant": 1.0},
-        {"hysteresis.amplitude": 0.012, "hysteresis.presliding_length": 0.0002},
-    ],
-    ids=["a bladder that relaxes within a second", "threads that slide after 0.2 mm"],
-)
-def test_ordinary_creep_and_friction_of_one_muscle_with_shapes_of_their_own_are_fitted(
-    rig: Rig, record: Maker, shape: dict[str, float]
-) -> None:
-    """Neither muscles nor shapes are alike on a good rig; one common creep left a gap."""
-    own = {f"agonist.{name}": value for name, value in shape.items()}
-    engine = JointDiagnosis(rig, 0, [record(own, duration=9.0)])
-    nominal = engine.fitter.fit_nominal()
-    assert engine.fitter.bare is not None
-    before, left = (
-        np.sqrt(fit.mean_square[2] / engine.floor[2]) for fit in (engine.fitter.bare, nominal)
-    )
-    assert before > 8.0
-    assert left < 0.2 * before
-
-
-@needs_numba
-def test_strokes_share_a_size_and_decades_of_creep_follow_a_power_law(
-    rig: Rig, record: Maker
-) -> None:
-    engine = JointDiagnosis(rig, 0, [record(duration=9.0)])
-    engine.fitter.fit_nominal()
-    background = engine.fitter.background
-    assert background is not None
-    of: dict[str, float] = {}
-    for effect, amount in zip(background.effects, background.terms.free, strict=True):
-        of[effect] = of.get(effect, 0.0) + amount.prior**2
-    muscles, share = 2.0, DEFAULT.decision.ordinary_share
-    for effect in ("hysteresis", "leakage"):
-        assert of[effect] == pytest.approx(muscles * share**2)
-    decade = DEFAULT.decision.ordinary_relaxation**-DEFAULT.decision.ordinary_creep_order
-    assert of["creep"] == pytest.approx(muscles * share**2 * (1.0 + decade**2 + decade**4))
-    assert of["coulomb_friction"] == pytest.approx(share**2)
-
-
-@needs_numba
-def test_the_play_of_a_good_spool_is_no_lag_of_the_valve(rig: Rig, record: Maker) -> None:
-    recording = record(duration=9.0)
-    half = 0.4 * DEFAULT.decision.ordinary_spool
-    played = dict(recording.values)
-    for name in [key for key in played if key.startswith("valve_commands")]:
-        wanted = played[name] + 0.0  # what was sent makes the spool stand where it was recorded
-        direction = np.sign(np.gradient(wanted))
-        played[name] = wanted + half * direction
-    engine = JointDiagnosis(rig, 0, [replace(recording, values=played)])
-    nominal = engine.fitter.fit_nominal()
-    simulated = mean_squares(engine.fitter.simulated_errors(nominal), engine.problem.counted)
-    assert (simulated[:2] > 2.0 * nominal.mean_square[:2]).all()
 
 
 def test_lengths_have_a_tolerance_of_their_own() -> None:

@@ -111,7 +111,10 @@ def test_a_table_without_a_time_has_a_rate_and_arrays_have_columns(tmp_path: Pat
         (f"rate: 5\nchannels: {{{FLEXOR}: {{column: p1, scale: x}}}}", "scale is 'x'"),
         (f"rate: 5\nchannels: {{{FLEXOR}: 3}}", "expected the name of a column"),
         (f"rate: 5\nchannels: {{{POSITION}: {{column: a, absolute: true}}}}", "only a pressure"),
-        (f"rate: 5\nchannels: {{{POSITION}: {{column: a, held: 1}}}}", "one of `column`"),
+        (
+            f"rate: 5\nchannels: {{{FLEXOR}: p, {POSITION}: {{column: a, held: 1}}}}",
+            "one of `column`",
+        ),
         (f"rate: 5\nchannels: {{{FLEXOR}: p1, {COMMAND}: {{held: 1}}}}", "only a length"),
         (f"rate: 5\nchannels: {{{POSITION}: {{held: 0.2}}}}", "no column is mapped"),
         ("rate: 5\nchannels: {pressure.flexor: p1}", "'pressure.flexor': no channel"),
@@ -156,7 +159,9 @@ def test_a_length_that_is_held_needs_no_column(tmp_path: Path) -> None:
     place = "muscle_states.elbow_flexor.position"
     text = MAP + f"  {place}: {{held: 174.5, unit: mm}}\n"
     (tmp_path / "map.yaml").write_text(text)
-    recording = import_recording(write(tmp_path, ".npz"), load_column_map(tmp_path / "map.yaml"))
+    recording = import_recording(
+        write(tmp_path, ".npz"), column_map=load_column_map(tmp_path / "map.yaml")
+    )
     assert recording.values[place] == pytest.approx(0.1745)
     assert recording.values[place].size == recording.values[FLEXOR].size
 

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import pam_gap
-from pam_gap.inference.candidates import LENGTHS
 from pam_gap.inference.hypothesis import HypothesisFitter
 from pam_gap.inference.loose_lengths import (
     LooseLengths,
@@ -17,6 +16,7 @@ from pam_gap.inference.loose_lengths import (
 from pam_gap.inference.probabilities import cause_probabilities
 from pam_gap.prediction.problem import PredictionProblem
 from pam_model.plant.parameters import PlantParameters
+from pam_model.plant.written_numbers import LENGTHS
 from pam_model.rig import Rig
 
 from .conftest import Maker

@@ -1,19 +1,22 @@
 """The page for people: whole, self-contained, and safe whatever a recording calls itself."""
 
+import itertools
 import re
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
 import pytest
-from matplotlib import pyplot as plt
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 import pam_gap
-from pam_gap.answer import report_figures
+from pam_gap.answer import report, report_figures
 from pam_gap.answer.page_style import STYLE, VERDICT_COLOURS
+from pam_gap.answer.plots_in_page import NARROW, WIDE
 from pam_gap.answer.provenance import provenance
 from pam_gap.answer.report import RankedCandidate, ReportData, StageBar, render, write_report
 from pam_gap.answer.report_figures import GUILTY, STAGES
@@ -79,8 +82,15 @@ def test_names_from_outside_are_escaped() -> None:
     assert "&lt;script&gt;" in without_scripts(page)
 
 
-def test_a_reader_sees_words_and_no_names_of_the_machine(drawn: list[Figure]) -> None:
+def test_a_reader_sees_words_and_no_names_of_the_machine(monkeypatch: pytest.MonkeyPatch) -> None:
     """The figure and the lists said coulomb_friction where the sentences say coulomb friction."""
+    drawn: list[Figure] = []
+
+    def kept(draw: Callable[[float], Figure], alt: str, look: object) -> str:
+        drawn.append(draw(WIDE))
+        return f'<img alt="{alt}">'
+
+    monkeypatch.setattr(report, "picture", kept)
     some = data(not_shown=["valve_dead_zone"], probabilities={"coulomb_friction": 1.0})
     page = without_scripts(render(some))
     labels = {text.get_text() for figure in drawn for text in figure.findobj(Text)}
@@ -125,27 +135,44 @@ def test_a_thinned_trace_reaches_to_its_end() -> None:
         assert kept_time.size == kept.size <= 4000
 
 
-@pytest.fixture
-def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
-    """The figures that were drawn, before they become pictures."""
-    found: list[Figure] = []
-
-    def keep(figure: Figure) -> str:
-        found.append(figure)
-        return "data:image/png;base64,"
-
-    monkeypatch.setattr(report_figures, "_svg", keep)
-    return found
+WIDTHS = pytest.mark.parametrize("width", [WIDE, NARROW])
 
 
-def test_only_the_stage_to_blame_is_coloured(drawn: list[Figure]) -> None:
+@WIDTHS
+def test_only_the_stage_to_blame_is_coloured(width: float) -> None:
     """A stage of 3 floors was orange although the verdict was `none`."""
     stages = [StageBar("valve", 3.0), StageBar("joint", 8.0)]
     for blamed in (set(), {"joint"}, {"muscle", "joint"}):
-        report_figures.draw_stages(stages, blamed)
-        boxes = drawn[-1].axes[0].patches
+        boxes = report_figures.draw_stages(stages, blamed, width).axes[0].patches
         coloured = [box.get_facecolor() == mpl.colors.to_rgba(GUILTY) for box in boxes[:4]]
         assert coloured == [stage in blamed for stage in STAGES]
+
+
+def test_no_text_of_a_figure_is_cut_or_lies_on_another_one() -> None:
+    """On a phone, half of each figure was outside of the screen."""
+    gap = {f"{kind}_states.a_long_name_of_a_muscle.{kind}": {
+        "before": 1e5, "after": 1e3, "floor": 1e2, "unit": "Pa"} for kind in ("joint", "pressure")
+    }  # fmt: skip
+    names = ["hysteresis + coulomb_friction + command_delay", "valve_null_offset (antagonist)"]
+    ranking = [RankedCandidate(name, 0.5, 0.4, 0.01, 0.5) for name in names * 4]
+    stages = [StageBar("valve", 3.0), StageBar("joint", None)]
+    for width in (WIDE, NARROW):
+        for figure in (
+            report_figures.draw_shrinkage(gap, width=width),
+            report_figures.draw_ranking(ranking, ["creep"], width),
+            report_figures.draw_stages(stages, {"joint"}, width),
+        ):
+            FigureCanvasAgg(figure).draw()
+            whole = figure.bbox
+            (axis,) = figure.axes
+            assert axis.get_window_extent().width > 0.4 * whole.width
+            boxes = [text.get_window_extent() for text in figure.findobj(Text)
+                     if text.get_visible() and text.get_text()]  # fmt: skip
+            assert all(whole.x0 - 1 <= box.x0 and box.x1 <= whole.x1 + 1 for box in boxes)
+            labels = [text.get_window_extent() for text in axis.get_yticklabels()]
+            labels += [text.get_window_extent() for text in axis.texts]
+            for one, other in itertools.combinations(labels, 2):
+                assert not one.shrunk(0.95, 0.9).overlaps(other.shrunk(0.95, 0.9))
 
 
 def test_the_measured_curve_is_wide_and_light_and_all_curves_have_names() -> None:
@@ -157,12 +184,11 @@ def test_the_measured_curve_is_wide_and_light_and_all_curves_have_names() -> Non
     assert f'"line_color":"{MEASURED}","line_width":4.0' in page
 
 
-def test_two_sides_of_one_effect_have_rows_of_their_own(drawn: list[Figure]) -> None:
+def test_two_sides_of_one_effect_have_rows_of_their_own() -> None:
     """Both rows were called pressure_gain."""
     names = ["pressure_gain (agonist)", "pressure_gain (antagonist)", "creep + leakage"]
     ranking = [RankedCandidate(name, 0.5, 0.4, 0.3, 0.5) for name in names]
-    report_figures.draw_ranking(ranking, ["pressure_gain"])
-    axis = drawn[-1].axes[0]
+    axis = report_figures.draw_ranking(ranking, ["pressure_gain"]).axes[0]
     assert [label.get_text() for label in axis.get_yticklabels()] == [
         "pressure gain (agonist)",
         "pressure gain (antagonist)",
@@ -264,13 +290,14 @@ def test_every_figure_has_a_sentence_that_says_what_to_see() -> None:
 
 @pytest.mark.parametrize("low", [0.001, 0.03, 0.31, 0.9, 1.0, 4.1])
 @pytest.mark.parametrize("reach", [1.0, 1.02, 1.4, 2.5, 30.0, 1e3, 1e7])
-def test_no_axis_has_a_single_number(low: float, reach: float, drawn: list[Figure]) -> None:
+@WIDTHS
+def test_no_axis_has_a_single_number(low: float, reach: float, width: float) -> None:
     entry = {"before": reach, "after": low, "floor": 1.0, "unit": "rad"}
-    report_figures.draw_shrinkage({CHANNEL: entry})
     ranked = RankedCandidate("creep", 0.9, 0.5 * (low + low * reach), low, low * reach)
-    report_figures.draw_ranking([ranked], ["creep"])
-    for figure in drawn:
-        plt.close(figure)
+    for figure in (
+        report_figures.draw_shrinkage({CHANNEL: entry}, width=width),
+        report_figures.draw_ranking([ranked], ["creep"], width),
+    ):
         axis = figure.axes[0]
         left, right = axis.get_xlim()
         shown = [tick for tick in axis.get_xticks() if left <= tick <= right]

@@ -86,7 +86,7 @@ def test_a_rival_at_the_end_of_its_range_is_told(rig: Rig) -> None:
     at_end = with_values(caps, {p.name: 1.0 for p in caps.free} | {largest.name: largest.high})
     (caution,) = rivals_at_the_end([at_end.at_the_end, at_end.at_the_end])
     assert caution.count("end caps (") == 1
-    assert "3.5" in caution and "also remove most of the gap" in caution
+    assert f"{largest.high:.2g}" in caution and "also remove most of the gap" in caution
     assert rivals_at_the_end([]) == ()
 
 

@@ -6,10 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from pam_model.errors import DomainError, PamError
 from pam_model.identify.compare import compare
 from pam_model.identify.fit import fit
+from pam_model.identify.fit_figures import draw_fit
 from pam_model.identify.fit_problem import FitProblem
 from pam_model.identify.fit_search import search_starts
 from pam_model.identify.measurements import Measurements, load_measurements
@@ -302,3 +304,15 @@ def test_a_model_that_covers_no_point_is_still_refused() -> None:
     points = held_short(sarosi_of)
     with pytest.raises(DomainError):
         fit("tondu_lopez", replace(points, position=points.position + 1.0), GEOMETRY)
+
+
+def test_all_words_of_a_fit_are_inside_of_its_figure_and_none_hides_a_point() -> None:
+    """The name of an axis ran into the title, and the legend lay on points."""
+    points = made_points("tondu_lopez", {"k": 1.3}, 5.0, 1)
+    figure = draw_fit(fit("tondu_lopez", points, GEOMETRY), points)
+    FigureCanvasAgg(figure).draw()
+    for axis in figure.axes:
+        name = axis.yaxis.label.get_window_extent()
+        assert axis.bbox.y0 <= name.y0 < name.y1 <= axis.bbox.y1, axis.get_ylabel()
+        for legend in figure.legends:
+            assert not legend.get_window_extent().overlaps(axis.get_window_extent())

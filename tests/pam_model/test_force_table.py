@@ -51,7 +51,7 @@ def test_plant_pulls_and_holds_what_the_model_says(make_rig, name):
 def test_a_wall_of_constant_thickness_conserves_energy(make_rig, run):
     rig = make_rig(muscle={"wall_thickness": 0.0015}, joint={"viscous_friction": 0.0})
     parameters = PlantParameters.from_rig(rig)
-    assert closed_form(rig.muscles[0]) == (0.0015, 1.0)
+    assert closed_form("chou_hannaford", rig.muscles[0].geometry, {}) == (0.0015, 1.0)
     result = run(parameters, commands=np.zeros((400, 2)), position=0.4, shut=True)
     model, ambient = rig.force_model("elbow_flexor"), rig.gas.ambient_pressure
     volume = model.volume(result.lengths) + rig.muscles[0].dead_volume

@@ -84,7 +84,7 @@ def test_estimates_follow_from_measurements_at_any_rate_of_publishing(bench: Ben
 
     bench.spin(known)
     # on a slow host, measurements may become too old meanwhile, and estimates NaN
-    bench.spin(lambda: len(health) >= 3 and health[-1].status[0].message == "estimating")
+    bench.spin(lambda: len(health) >= 2 and health[-1].status[0].message == "estimating")
     bench.spin(known)
     assert list(muscles[-1].name) == ["elbow_flexor", "elbow_extensor"]
     assert muscles[-1].effort[0] > muscles[-1].effort[1] > 0.0, "200 kPa pull more than 100 kPa"

@@ -156,6 +156,23 @@ def test_a_size_and_a_diameter_are_refused_together(tmp_path, capsys):
     assert "--size states diameter and angle" in capsys.readouterr().err
 
 
+def test_threads_and_turns_are_an_answer_as_well(tmp_path, capsys):
+    """The words of the other commands: rest length, thread length and turns."""
+    place = tmp_path / "rig.yaml"
+    words = ["new-rig", str(place), "--defaults", "--rest-length", "0.25"]
+    assert main([*words, "--thread-length", "0.2758", "--turns", "1.856"]) == DONE
+    muscle = load_rig(place).muscles[0]
+    assert (muscle.thread_length, muscle.turns, muscle.rest_length) == (0.2758, 1.856, 0.25)
+    for threads, told in (
+        (["--turns", "1.8"], "--thread-length and --turns state both"),
+        (["--thread-length", "0.2", "--turns", "1.8"], "expected more than the rest length"),
+        (["--thread-length", "0.3", "--turns", "1.8", "--size", "DMSP-20"], "--size states"),
+    ):
+        again = ["new-rig", str(tmp_path / "other.yaml"), *words[2:], *threads]
+        assert main(again) == MISTAKE
+        assert told in capsys.readouterr().err
+
+
 def sized(tmp_path, capsys, *more: str) -> dict:
     rig, plot = tmp_path / "sized.yaml", tmp_path / "size.png"
     task = ["--torque", "5", "--range", "0.9", "--speed", "3", "--pressure", "5e5"]

@@ -85,7 +85,6 @@ def test_truth_on_topics_and_a_clean_end(number, monkeypatch):
 
 
 @pytest.mark.sampled("two of the five mistakes", cases=2)
-@pytest.mark.system
 @pytest.mark.parametrize(
     ("parameters", "rig", "message"),
     [

@@ -227,6 +227,7 @@ BESIDE_A_RIG = {
     "fuzz": ["frames"],
     "import": [str(ELBOW), "--out", "out"],
     "record": ["--out", "out"],
+    "layouts": ["out"],
     "security": ["policy.xml"],
 }
 

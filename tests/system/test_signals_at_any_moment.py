@@ -13,8 +13,6 @@ from pam_model.command_line import Command, Outcome, run_command
 from pam_model.program_signals import Terminated, interruptible, postponed
 from support.source_tree import ROOT, modules
 
-pytestmark = pytest.mark.system
-
 NUMBERS = (signal.SIGINT, signal.SIGTERM)
 PROGRAMS = [
     name

@@ -61,8 +61,21 @@ def end(suite, name: str, how: str) -> float:
     return at
 
 
+@pytest.mark.rerun_because(HOST_STALLS)
+def test_without_its_model_the_joint_is_held_and_without_its_controller_vented(suite):
+    """It runs last, so that nobody has to wait until the nodes have started again."""
+    timeout = 10.0 * suite.patience
+    pressurise(suite)
+    at = end(suite, "model", "Ctrl-C")
+    suite.frames.wait_for("control without the model", is_pressurised, timeout, at + 1.0)
+    assert suite.driver_state() == "active"
+    at = end(suite, "controller", "kill -9")
+    suite.frames.wait_for("vented without the controller", is_vented, timeout, at)
+    assert suite.driver_state() != "active"
+
+
 @pytest.mark.long(
-    "test_one_process and test_driver_node end processes, test_faults each part of the chain"
+    "two of the nodes are ended in one run; test_driver_node and test_faults end the others"
 )
 @pytest.mark.rerun_because(HOST_STALLS)
 @pytest.mark.parametrize("how", HOW)

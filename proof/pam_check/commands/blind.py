@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 
+from pam_check.commands.common_arguments import add_seed
 from pam_model.argument_types import count, input_path, number, output_folder
 from pam_model.command_line import Arguments, Command, Outcome, Parser
 
@@ -127,6 +128,29 @@ def _decide_again(given: Arguments) -> Outcome:
     return run(given)
 
 
+def _declare_bench(parser: Parser) -> None:
+    parser.add_argument(
+        "--rigs",
+        type=count(),
+        default=24,
+        metavar="N",
+        help="number of muscles (default: %(default)s)",
+    )
+    add_seed(parser, 1)
+    parser.add_argument(
+        "--out",
+        type=output_folder,
+        default="out/bench_diagnosis",
+        help="folder (default: %(default)s)",
+    )
+
+
+def _bench(given: Arguments) -> Outcome:
+    from pam_check.calibration.bench_diagnoses import run  # noqa: PLC0415  (scipy, numba)
+
+    return run(given)
+
+
 def _declare_calibrate_statement(parser: Parser) -> None:
     parser.add_argument(
         "folders", type=input_path, nargs="+", help="--out folders of `blind --keep-evidence`"
@@ -171,5 +195,13 @@ COMMANDS = (
         _declare_calibrate_statement,
         _calibrate_statement,
         examples=("pam check calibrate-statement out/blind",),
+    ),
+    Command(
+        "bench-diagnosis",
+        "diagnose drawn single muscles on a bench, held or moving",
+        _declare_bench,
+        _bench,
+        examples=("pam check bench-diagnosis --rigs 8 --seed 1",),
+        bad_news="if more than one muscle in twelve is wrong",
     ),
 )

@@ -64,7 +64,8 @@ def draw(path: Path, rigs: Mapping[str, Sequence[Way]]) -> None:
     names = list(dict.fromkeys(way.name for ways in rigs.values() for way in ways))
     colours = dict(zip(names, COLOURS, strict=False))
     with mpl.rc_context(LOOK):
-        figure = Figure(figsize=(11.0, 5.2), layout="constrained")
+        # no larger, so that its words can be read where a phone shows it 360 pixels wide
+        figure = Figure(figsize=(8.6, 5.6), layout="constrained")
         FigureCanvasAgg(figure)
         axes = figure.subplots(
             2, len(rigs), sharex=True, sharey="row", squeeze=False, height_ratios=(2, 3)
@@ -79,8 +80,10 @@ def draw(path: Path, rigs: Mapping[str, Sequence[Way]]) -> None:
             angle.plot(times, ways[0].reference, "--", color=ASKED, label="reference")
             angle.set_title(words, loc="left", fontweight="bold")
             angle.legend(loc="lower left")
-            error.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2))
+            error.legend(
+                loc="upper left", bbox_to_anchor=(-0.04, -0.2), fontsize="small", handlelength=1.0
+            )
             error.set_xlabel("time [s]")
         axes[0, 0].set_ylabel("true angle [rad]")
         axes[1, 0].set_ylabel("error of the true angle [mrad]")
-        figure.savefig(path, dpi=110)
+        figure.savefig(path, dpi=150)

@@ -9,11 +9,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-import numpy as np
-
 from pam_driver.driver_settings import DriverSettings
 from pam_model.gas import pressure_rate, valve_flow
-from pam_model.rig import Joint, Muscle, Rig
+from pam_model.rig import Rig
+from pam_model.robot import Robot, RobotMuscle, compose
+from pam_model.views.gas_volume import largest_gas_volume
+from pam_model.views.gravity import largest_gravity_torque
+from pam_model.views.muscle_path import lengths_over_travel
 
 EMPTY: Final = 20e3  # Pa gauge; below it a muscle counts as empty
 _STEP: Final = 1e-3  # s
@@ -60,54 +62,47 @@ class RigBounds:
 
 def bounds_of(rig: Rig) -> RigBounds:
     """The bounds of a rig whose muscles belong to joints."""
-    margin, supply = DriverSettings().over_pressure_margin, rig.supply_gauge_pressure
-    sides = [
-        (joint, rig.muscle(name), sign)
-        for joint in rig.joints
-        for name, sign in zip(joint.muscles, (-1.0, 1.0), strict=True)
-    ]
-    low, high = rig.joints[0].position_limits
-    stop = rig.plausibility.position_margin
+    margin, robot = DriverSettings().over_pressure_margin, compose(rig)
+    most, supply = max(one.max_pressure for one in robot.muscles), robot.supply_gauge_pressure
+    low, high = robot.joints[0].position_limits
+    stop = robot.plausibility.position_margin
     return RigBounds(
-        exhaust_time=max(_exhaust_time(rig, *side) for side in sides),
-        pressure=max(muscle.max_pressure for muscle in rig.muscles) + margin,
-        force=max(_largest_force(rig, *side, side[1].max_pressure + margin) for side in sides),
-        filled_pressure=max(*(muscle.max_pressure for muscle in rig.muscles), supply) + margin,
+        exhaust_time=max(_exhaust_time(robot, muscle) for muscle in robot.muscles),
+        pressure=most + margin,
+        force=max(
+            _largest_pull(robot, muscle, muscle.max_pressure + margin) for muscle in robot.muscles
+        ),
+        filled_pressure=max(most, supply) + margin,
         filled_force=max(
-            _largest_force(rig, *side, max(side[1].max_pressure, supply) + margin) for side in sides
+            _largest_pull(robot, muscle, max(muscle.max_pressure, supply) + margin)
+            for muscle in robot.muscles
         ),
         heavy=all(
-            abs(joint.gravity_torque)
-            > joint.pulley_radius * _largest_force(rig, joint, muscle, sign, EMPTY)
-            for joint, muscle, sign in sides
+            largest_gravity_torque(robot.joints[arm.joint])
+            > abs(arm.length) * _largest_pull(robot, muscle, EMPTY)
+            for muscle in robot.muscles
+            for arm in muscle.arms
         ),
-        speed=min(joint.max_velocity for joint in rig.joints),
-        tracking_error=min(joint.max_tracking_error for joint in rig.joints),
+        speed=min(joint.max_velocity for joint in robot.joints),
+        tracking_error=min(joint.max_tracking_error for joint in robot.joints),
         position=(low - stop, high + stop),
     )
 
 
-def _lengths(joint: Joint, muscle: Muscle, sign: float) -> list[float]:
-    angles = np.linspace(*joint.position_limits, _LENGTHS)
-    return [muscle.neutral_length + sign * joint.pulley_radius * float(q) for q in angles]
+def _largest_pull(robot: Robot, muscle: RobotMuscle, pressure: float) -> float:
+    lengths = lengths_over_travel(robot, muscle, _LENGTHS)
+    return max(float(muscle.force_model.force(pressure, length)) for length in lengths)
 
 
-def _largest_force(rig: Rig, joint: Joint, muscle: Muscle, sign: float, pressure: float) -> float:
-    model = rig.force_model(muscle.name)
-    return max(float(model.force(pressure, length)) for length in _lengths(joint, muscle, sign))
-
-
-def _exhaust_time(rig: Rig, joint: Joint, muscle: Muscle, sign: float) -> float:
-    model = rig.force_model(muscle.name)
-    lengths = _lengths(joint, muscle, sign)
-    volume = max(float(model.volume(length)) for length in lengths) + muscle.dead_volume
-    ambient, temperature = rig.gas.ambient_pressure, rig.gas.temperature
+def _exhaust_time(robot: Robot, muscle: RobotMuscle) -> float:
+    volume = largest_gas_volume(robot, muscle)
+    ambient, temperature = robot.gas.ambient_pressure, robot.gas.temperature
     pressure, time = ambient + muscle.max_pressure, 0.0
     while pressure > ambient + EMPTY and time < _NEVER:
         flow = valve_flow(
             -1.0,
             pressure,
-            supply_pressure=rig.supply_pressure,
+            supply_pressure=robot.supply.pressure,
             ambient_pressure=ambient,
             conductance=muscle.valve.sonic_conductance,
             critical_ratio=muscle.valve.critical_ratio,

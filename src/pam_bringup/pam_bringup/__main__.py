@@ -1,4 +1,4 @@
-"""`pam bringup`: show a running robot or a recording, and write its security policy."""
+"""`pam bringup`: show a running robot or a recording, write its layouts and security policy."""
 
 # PYTHON_ARGCOMPLETE_OK: shells with argcomplete complete its commands and options
 
@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pam_model.argument_types import count, input_path, output_file
+from pam_model.argument_types import count, input_path, output_file, output_folder
 from pam_model.command_line import (
     Arguments,
     Command,
@@ -63,7 +63,7 @@ def _view(given: Arguments) -> Outcome:
 
     rig = load_rig(chosen_rig(given))
     blueprint = layout(rig, live=given.bag is None, narrow=given.narrow)
-    sink = RerunSink()
+    sink = RerunSink(live=given.bag is None)
     address = ""
     # the server of the page must not outlive this program
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
@@ -118,6 +118,18 @@ MARKERS = NodeCommand(
 )
 
 
+def _declare_layouts(parser: Parser) -> None:
+    parser.add_argument("out", type=output_folder, metavar="OUT", help="folder for the layouts")
+    add_rig(parser)
+    parser.add_argument("--namespace", default="", help="namespace of the robot's topics")
+
+
+def _layouts(given: Arguments) -> Outcome:
+    from pam_bringup.layouts.write import run  # noqa: PLC0415
+
+    return run(given)
+
+
 def _declare_security(parser: Parser) -> None:
     parser.add_argument("file", type=output_file, help="where to write the policy (XML)")
     add_rig(parser)
@@ -148,6 +160,13 @@ COMMANDS = (
     ),
     MARKERS,
     Command(
+        "layouts",
+        "write the layouts of a robot for Foxglove and PlotJuggler",
+        _declare_layouts,
+        _layouts,
+        examples=("pam bringup layouts out/layouts --rig my_robot.yaml",),
+    ),
+    Command(
         "security",
         "write the SROS 2 policy of a rig",
         _declare_security,
@@ -166,7 +185,7 @@ COMMANDS = (
 
 TOOL = Tool(
     "bringup",
-    "Show a running robot or a recording, and write its security policy",
+    "Show a running robot or a recording, write its layouts and security policy",
     COMMANDS,
     default="viewer",
 )

@@ -138,11 +138,6 @@ class PlanRequest:
         return first if first.time >= second.time else second
 
     @property
-    def side_times(self) -> Pair:
-        """When each valve will act [s]."""
-        return self.acts[0].time, self.acts[1].time
-
-    @property
     def side_velocities(self) -> Pair:
         """Velocity of the reference when each valve will act [rad/s]."""
         return self.acts[0].reference.velocity, self.acts[1].reference.velocity

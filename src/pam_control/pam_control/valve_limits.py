@@ -22,12 +22,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pam_control.feedback.operating_points import operating_point
 from pam_control.joint_models import JointModels
 from pam_control.references.spline import Array
 from pam_model.errors import PamError
 from pam_model.gas import mass_flow, pressure_rate
 from pam_model.robot import Robot, RobotMuscle
+from pam_model.views.linearised_joint import operating_point
 
 PLACES = 9  # over the joint's range
 RANGE_SHARES = (0.05, 0.95)  # the ends themselves are reached at rest

@@ -10,10 +10,10 @@ from typing import Any
 import jinja2
 from matplotlib.figure import Figure
 
-from pam_demo.plots_in_page import picture
 from pam_demo.tracking import ClosedLoopFigure, TrackedMotion
 from pam_gap.answer.diagnosis import Diagnosis
 from pam_gap.answer.page_style import PLOT_LOOK, STYLE
+from pam_gap.answer.plots_in_page import picture
 from pam_gap.answer.user_units import spoken
 
 ASKED, BEFORE, AFTER = "#1d2433", "#d1495b", "#00798c"

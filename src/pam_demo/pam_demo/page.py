@@ -22,9 +22,9 @@ from pam_demo.figures import (
     asked_stiffness,
     target_text,
 )
-from pam_demo.plots_in_page import NARROW, WIDE, picture
 from pam_demo.recording import Array
 from pam_gap.answer.page_style import PLOT_LOOK
+from pam_gap.answer.plots_in_page import NARROW, WIDE, picture
 from pam_gap.answer.user_units import told
 from pam_ros.valve_command import FLOW
 

@@ -27,13 +27,13 @@ from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
-from pam_driver.boards.weaker_promises import weaker_promises
 from pam_driver.can_bus.bus import CanPort
 from pam_driver.driver import Driver
 from pam_driver.driver_assembly import assemble_driver
 from pam_driver.driver_diagnostics import DriverDiagnostics
 from pam_driver.driver_end import end_driver
 from pam_driver.driver_inputs import DriverInputs
+from pam_driver.driver_log import DriverLog
 from pam_driver.driver_parameters import HELP, TABLE, bus_options
 from pam_driver.driver_state_topic import DriverStateTopic
 from pam_driver.driver_topics import DriverTopics
@@ -55,7 +55,7 @@ from pam_ros.periodic import Loop, MakeLoop, PeriodicLoop
 from pam_ros.phase_follower import PhaseFollower
 from pam_ros.start import start_ros
 from pam_ros.steady_timers import SteadyTimers, turns
-from pam_ros.unforeseen import BROKEN, described, hand_over, tell_unforeseen
+from pam_ros.unforeseen import BROKEN, described, hand_over
 
 _SUCCESS = TransitionCallbackReturn.SUCCESS
 _FAILURE = TransitionCallbackReturn.FAILURE
@@ -131,7 +131,7 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         self._active = False
         self._starting = False
         self._start_up = StartUp()
-        self._fault_reported = False
+        self._log = DriverLog(self.get_logger(), self.get_fully_qualified_name())
         self._activation = 0  # names the last one
         self._vent_reason = ""
         self._stalled_cycle = StalledCycleWatch(_WATCH_PERIOD)
@@ -195,13 +195,7 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         )
         self._follower = PhaseFollower(self._loop) if self._values["align"] else None
         self._loop.start()
-        names = ", ".join(port.name for port in made.ports.values())
-        self.get_logger().info(f"measuring on {names}, valves vented")
-        for line in doubts:
-            self.get_logger().warning(line)
-        for board in made.driver.boards.values():
-            for line in weaker_promises(board):
-                self.get_logger().warning(f"{board.name}: {line}")
+        self._log.measuring(made.driver, (port.name for port in made.ports.values()), doubts)
         self._vent_reason = "configured, not activated yet"
         self._publish_state()
         return _SUCCESS
@@ -282,10 +276,7 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         driver = self._driver
         if driver is not None and driver.broken is None:
             driver.fail(self._broken, time.monotonic())
-        lowers = driver is not None and driver.lowers
-        self._fault_reported = True
-        done = "lowering, then the driver ends" if lowers else "vented, the driver ends"
-        tell_unforeseen(self.get_logger(), error, done)
+        self._log.broken(error, lowers=driver is not None and driver.lowers)
         self._tell_last_state()
 
     def _notice(self, error: Exception) -> None:
@@ -395,7 +386,7 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
             response.success, response.message = False, "not configured: the bus is not open"
             return response
         self._start_up.clear_faults(driver, time.monotonic())
-        self._fault_reported = False
+        self._log.faults_cleared()
         rests = driver.state not in _MOVING and not driver.lowers
         if rests:
             self._vent_reason = "faults cleared, not activated yet"
@@ -415,39 +406,23 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         if self._loop is not None and (stalled := self._stalled_cycle.look(self._loop)):
             driver.stop_stalled(stalled, time.monotonic())
         self._publish_state()
-        if driver.state in FAULTY and not self._fault_reported:
-            self._fault_reported = True
-            reasons = "; ".join(str(fault) for fault in driver.faults)
-            done = "lowering" if driver.lowers else "vented"
-            self.get_logger().error(f"{done}, latched until ~/clear_faults: {reasons}")
+        if driver.state in FAULTY:
+            self._log.faults(driver)
         if self._active and driver.state not in _MOVING:
             self.trigger_deactivate()
         if self._active:
             self._start_up.end()
-        self._watch_start(driver)
-
-    def _watch_start(self, driver: Driver) -> None:
-        """While the node starts: activate if this was asked for, else say what is needed."""
         advice, reason = self._start_up.step(driver, time.monotonic())
-        command = f"ros2 lifecycle set {self.get_fully_qualified_name()} activate"
         if advice is Advice.ACTIVATE:
             self.trigger_activate()
-        elif advice is Advice.READY:
-            self.get_logger().info(f"all boards answer, valves vented; to move: {command}")
-        elif advice is Advice.CANCELLED:
-            self._tell_cancelled(reason)
-        elif advice is Advice.GIVE_UP:
-            self.get_logger().error(f"not activated: {reason}; when this is repaired: {command}")
+        self._log.start(advice, reason)
 
     def _cancel_start(self, reason: str) -> bool:
         """Cancel the activation at start-up, if one is waiting, and say so."""
         if self._start_up.cancel():
-            self._tell_cancelled(reason)
+            self._log.start_cancelled(reason)
             return True
         return False
-
-    def _tell_cancelled(self, reason: str) -> None:
-        self.get_logger().warning(f"the activation at start-up is cancelled by {reason}")
 
     def _publish_fluid_pressures(self) -> None:
         if self._snapshot is not None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import atexit
 import contextlib
+import math
 import os
 import signal
 import socket
@@ -28,7 +29,10 @@ from pam_model.robot import compose
 HOST = "127.0.0.1"  # nobody else may see the robot
 START_TIME = 30.0  # s; of the viewer's server
 LIVE_SPAN = 20.0  # s, that the curves of a running robot show
-HAND_OVER_EVERY = 0.1  # s; single points would keep the viewer busy with their headers
+HAND_OVER_EVERY = 0.1  # s, while a robot runs; single points would be slow for their headers
+MOST_KEPT = 200_000  # numbers, lines and texts of a recording that are handed over together
+TIME = "time"
+"""The viewer's name for its axis of time."""
 MEASURED, ASKED = (0, 121, 140), (138, 138, 138)
 COLOURS = {"measured": MEASURED, "given": MEASURED, "reference": ASKED, "asked": ASKED}
 """Of the curves with these last names, so that the two of a pair cannot be taken for each other."""
@@ -68,7 +72,7 @@ def layout(rig: Rig, *, live: bool, narrow: bool) -> Any:
     if live:
         start = rrb.TimeRangeBoundary.cursor_relative(seconds=-LIVE_SPAN)
         end = rrb.TimeRangeBoundary.cursor_relative()
-        ranges = [rrb.VisibleTimeRange("time", start=start, end=end)]
+        ranges = [rrb.VisibleTimeRange(TIME, start=start, end=end)]
     curves = {
         name: rrb.TimeSeriesView(origin=f"/{name}", name=title, time_ranges=ranges)
         for name, title in CURVES
@@ -84,16 +88,22 @@ def layout(rig: Rig, *, live: bool, narrow: bool) -> Any:
             rrb.Tabs(*(view for name, view in curves.items() if name != "gap")),
         )
     else:
+        # three plots above each other are so low that an axis has a single number
         views = rrb.Horizontal(
             rrb.Vertical(arm, driver, row_shares=[3, 2]),
-            rrb.Vertical(curves["angle"], curves["error"], curves["stiffness"]),
-            rrb.Vertical(curves["pressure"], curves["valve"], curves["gap"]),
+            rrb.Vertical(curves["angle"], curves["error"]),
+            rrb.Vertical(
+                curves["pressure"], rrb.Tabs(curves["valve"], curves["stiffness"], curves["gap"])
+            ),
         )
     return rrb.Blueprint(
         views,
         rrb.BlueprintPanel(state="hidden"),
         rrb.SelectionPanel(state="hidden"),
-        rrb.TimePanel(state="hidden" if narrow and live else "collapsed"),
+        rrb.TimePanel(state="hidden" if narrow and live else "collapsed")
+        if live
+        # the curves show the whole recording, and the arm moves through it again and again
+        else rrb.TimePanel(state="collapsed", timeline=TIME, play_state="playing", loop_mode="all"),
     )
 
 
@@ -118,12 +128,25 @@ def _end_server(server: subprocess.Popen[bytes]) -> None:
 
 
 class RerunSink:
-    """Hands everything to the viewer's recording stream."""
+    """Hands everything to the viewer's recording stream.
 
-    def __init__(self) -> None:
+    A recording is handed over in a few large parts, curves first, so that its page shows all of it
+    at once. Thousands of small parts keep a viewer busy for a minute.
+
+    Parameters
+    ----------
+    live : bool, optional
+        Times are times of day, and otherwise count from the first one, as on the report's axes.
+    """
+
+    def __init__(self, *, live: bool = False) -> None:
+        self._live, self._first = live, math.nan
         self._rr = rerun()
         self._stream = self._rr.RecordingStream("pam_suite")
         self._points: dict[str, list[tuple[float, float]]] = defaultdict(list)
+        self._strokes: dict[str, list[tuple[float, Stroke]]] = defaultdict(list)
+        self._texts: dict[str, list[tuple[float, str]]] = defaultdict(list)
+        self._kept = 0
         self._coloured: set[str] = set()
         self._handed_over = clock.monotonic()
 
@@ -170,41 +193,62 @@ class RerunSink:
         self._stream.flush()
 
     def _hand_over(self) -> None:
-        """Give the viewer all points since the last time, curve by curve."""
+        """Give the viewer all that was kept since the last time, each entity in one part."""
+        rr = self._rr
         for path, points in self._points.items():
             colour = COLOURS.get(path.rpartition("/")[2])
             if colour and path not in self._coloured:
                 self._coloured.add(path)
-                look = self._rr.SeriesLines(colors=[colour])
+                look = rr.SeriesLines(colors=[colour])
                 self._stream.log(path.replace(" ", "-"), look, static=True)
             times, values = zip(*points, strict=True)
-            self._stream.send_columns(
-                path.replace(" ", "-"),
-                indexes=[self._rr.TimeColumn("time", timestamp=times)],
-                columns=self._rr.Scalars.columns(scalars=values),
+            self._send(path.replace(" ", "-"), times, rr.Scalars.columns(scalars=values))
+        for name, drawn in self._strokes.items():
+            times, strokes = zip(*drawn, strict=True)
+            lines = rr.LineStrips3D.columns(
+                strips=[stroke.points for stroke in strokes],
+                radii=[stroke.radius for stroke in strokes],
+                colors=[stroke.colour for stroke in strokes],
             )
-        self._points.clear()
+            self._send(f"arm/{name}", times, lines)
+        for path, told in self._texts.items():
+            times, texts = zip(*told, strict=True)
+            kinds = ["text/markdown"] * len(texts)
+            self._send(path, times, rr.TextDocument.columns(text=texts, media_type=kinds))
+        for kept in (self._points, self._strokes, self._texts):
+            kept.clear()
+        self._kept = 0
         self._handed_over = clock.monotonic()
+
+    def _send(self, path: str, times: Sequence[float], columns: Any) -> None:
+        moments: dict[str, Sequence[float]] = (
+            {"timestamp": times}
+            if self._live
+            else {"duration": [time - self._first for time in times]}
+        )
+        index = self._rr.TimeColumn(TIME, **moments)
+        self._stream.send_columns(path, indexes=[index], columns=columns)
+
+    def _keep(self, time: float, count: int, *, is_urgent: bool = False) -> None:
+        if math.isnan(self._first):
+            self._first = time
+        self._kept += count
+        waited = self._live and clock.monotonic() - self._handed_over > HAND_OVER_EVERY
+        if waited or self._kept > MOST_KEPT or (is_urgent and self._live):
+            self._hand_over()
 
     def number(self, path: str, time: float, value: float) -> None:
         """A point of a curve."""
         self._points[path].append((time, value))
-        if clock.monotonic() - self._handed_over > HAND_OVER_EVERY:
-            self._hand_over()
+        self._keep(time, 1)
 
     def text(self, path: str, time: float, markdown: str) -> None:
         """A text that replaces the one before."""
-        self._at(time)
-        self._stream.log(path, self._rr.TextDocument(markdown, media_type="text/markdown"))
+        self._texts[path].append((time, markdown))
+        self._keep(time, 1, is_urgent=True)  # perhaps nothing more comes after a fault
 
     def lines(self, time: float, strokes: Sequence[Stroke]) -> None:
         """Lines of the 3-D view."""
-        self._at(time)
         for stroke in strokes:
-            drawn = self._rr.LineStrips3D(
-                [stroke.points], radii=stroke.radius, colors=[stroke.colour]
-            )
-            self._stream.log(f"arm/{stroke.name}", drawn)
-
-    def _at(self, time: float) -> None:
-        self._stream.set_time("time", timestamp=time)
+            self._strokes[stroke.name].append((time, stroke))
+        self._keep(time, len(strokes))

@@ -34,13 +34,22 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
 
+from pam_control.adaptation.normal_equations import (
+    add_sample,
+    dot,
+    factorise,
+    log_determinant,
+    square_sum,
+    substitute,
+)
 from pam_control.adaptation.recursive_fit import CORRELATED, DOUBTED, MEMORY, SOLVED_EVERY
 from pam_control.adaptation.running_comparison import RunningComparison
+from pam_model.plant.compiled import entry_point, for_kernel, listed, prepare
 
 PIVOTS: Final = 6  # exchanges of what is at its bound; the last sets are nearly always right
 BELIEVED_FOR: Final = 0.25  # s of motion, for which the believed error counts
@@ -48,6 +57,17 @@ FOLLOWS: Final = 0.3  # s of motion, in which the weights follow a fit that expl
 EXPLAINED: Final = 2.0  # times the noise, which the errors of a fit exceed that does so
 
 Array = npt.NDArray[np.float64]
+
+# What does not change of a fit: noise, believed error, threshold
+NOISE, BELIEVED, THRESHOLD, N_GIVEN = range(4)
+# State: sums of weights and of squared values, time since the last solution, and squared errors of
+# the fit by those of one that explains too little
+SEEN, ENERGY, UNSOLVED, UNEXPLAINED, N_STATE = range(5)
+# Rows of weights: as the data show them, as they are used, bounds, sums, and scratch
+FITTED, FOLLOWED, BOUND, WANTED, SIDE, N_ROWS = range(6)
+# Of each rival: log odds, least gain, logarithm of the determinant of its penalty, what it leaves,
+# evidence and probability
+ODDS, BETTER, PRIOR_SIZE, LEFT, EVIDENCE, PROBABILITY, N_RIVAL = range(7)
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +89,131 @@ class Rival:
     functions: tuple[int, ...]
     log_odds: float
     better: float = 1.0
+
+
+def rival_left(state: Any, rows: Any, products: Any, weights: Any) -> float:
+    """Sum of the squared errors that the weights of a rival leave."""
+    left = state[ENERGY] - 2.0 * dot(weights, rows[WANTED]) + square_sum(products, weights)
+    return float(max(left, 0.0))
+
+
+def regular_equations(
+    products: Any, penalty: Any, variance: float, held: Any, doubt: float, scratch: Any
+) -> None:
+    """Write the normal equations of a rival, in which weights at their bounds are held there."""
+    for i in range(len(penalty)):
+        for j in range(len(penalty)):
+            scratch[i][j] = products[i][j] / variance
+        scratch[i][i] += penalty[i] * (1.0 + doubt * held[i])
+
+
+def solve_rival(
+    rows: Any, products: Any, penalty: Any, variance: float, held: Any, solution: Any, scratch: Any
+) -> None:
+    """Find the weights of a rival, each above its bound."""
+    count = len(penalty)
+    for _ in range(PIVOTS):
+        regular_equations(products, penalty, variance, held, DOUBTED, scratch)
+        factorise(scratch, count)
+        for i in range(count):
+            solution[i] = rows[WANTED][i] / variance
+            if held[i] > 0.0:
+                solution[i] += DOUBTED * penalty[i] * rows[BOUND][i]
+        substitute(scratch, count, solution)
+        changed = False
+        for i in range(count):
+            if held[i] > 0.0:
+                # what pulls a weight that is held down from above
+                pull = rows[WANTED][i] / variance - penalty[i] * solution[i]
+                for j in range(count):
+                    pull -= products[i][j] * solution[j] / variance
+                at_bound = 1.0 if pull <= 0.0 else 0.0
+            else:
+                at_bound = 1.0 if solution[i] < rows[BOUND][i] else 0.0
+            rows[SIDE][i] = at_bound
+            changed = changed or at_bound != held[i]
+        if not changed:
+            return
+        for i in range(count):
+            held[i] = rows[SIDE][i]
+
+
+def fit_rivals(
+    given: Any, state: Any, rows: Any, products: Any, rivals: Any, penalties: Any, held: Any,
+    solutions: Any, scratch: Any,
+) -> None:  # fmt: skip
+    """Compute the weights and the probabilities of all rivals, and the fitted weights."""
+    count, before = len(rows[WANTED]), BELIEVED_FOR / CORRELATED
+    samples, doubt = state[SEEN] + before, before * given[BELIEVED] * given[BELIEVED]
+    ordinary, best = math.inf, -math.inf
+    for r in range(len(rivals)):
+        rival, penalty, weights = rivals[r], penalties[r], solutions[r]
+        variance = (rival_left(state, rows, products, weights) + doubt) / samples
+        variance = max(variance, given[NOISE] * given[NOISE])
+        solve_rival(rows, products, penalty, variance, held[r], weights, scratch)
+        left = rival_left(state, rows, products, weights)
+        errors = (left + doubt) / variance
+        for i in range(count):
+            errors += penalty[i] * weights[i] * weights[i]
+        regular_equations(products, penalty, variance, held[r], 0.0, scratch)
+        factorise(scratch, count)
+        occam = log_determinant(scratch, count) - rival[PRIOR_SIZE]
+        rival[LEFT] = left
+        rival[EVIDENCE] = rival[ODDS] - 0.5 * (occam + samples * math.log(variance) + errors)
+        if rival[BETTER] == 1.0:
+            ordinary = min(ordinary, left)
+    for r in range(len(rivals)):
+        rival = rivals[r]
+        if rival[BETTER] != 1.0 and rival[BETTER] * rival[LEFT] > ordinary:
+            rival[EVIDENCE] = -math.inf
+        best = max(best, rival[EVIDENCE])
+    total = 0.0
+    for r in range(len(rivals)):
+        rivals[r][PROBABILITY] = math.exp(rivals[r][EVIDENCE] - best)
+        total += rivals[r][PROBABILITY]
+    fitted = rows[FITTED]
+    for i in range(count):
+        fitted[i] = 0.0
+    left = 0.0
+    for r in range(len(rivals)):
+        rivals[r][PROBABILITY] /= total
+        left += rivals[r][PROBABILITY] * rivals[r][LEFT]
+        for i in range(count):
+            fitted[i] += rivals[r][PROBABILITY] * solutions[r][i]
+    doubtful = (EXPLAINED * given[NOISE]) ** 2
+    state[UNEXPLAINED] = min((left + before * doubtful) / (samples * doubtful), 1.0)
+    explained, least = square_sum(products, fitted), given[THRESHOLD] ** 2 * state[SEEN]
+    used = 0.0 if explained <= least else 1.0 - least / explained
+    for i in range(count):
+        fitted[i] *= used
+
+
+@entry_point
+def take_rival_sample(
+    given: Any, state: Any, rows: Any, products: Any, rivals: Any, penalties: Any, held: Any,
+    solutions: Any, scratch: Any, functions: Any, value: float, duration: float, kept: float,
+) -> None:  # fmt: skip
+    """Take a sample after a time [s], of which older samples keep a share; compute the weights.
+
+    The rows are those of `AveragedFit`.
+    """
+    share = duration / CORRELATED
+    add_sample(products, rows[WANTED], functions, value, kept, share)
+    state[ENERGY] = kept * state[ENERGY] + share * value * value
+    state[SEEN] = kept * state[SEEN] + share
+    state[UNSOLVED] += duration
+    if state[UNSOLVED] >= SOLVED_EVERY:
+        state[UNSOLVED] = 0.0
+        fit_rivals(given, state, rows, products, rivals, penalties, held, solutions, scratch)
+    fitted, followed, nothing = rows[FITTED], rows[FOLLOWED], True
+    nearer = -math.expm1(-duration / max(FOLLOWS * state[UNEXPLAINED], duration))
+    for i in range(len(fitted)):
+        followed[i] += nearer * (fitted[i] - followed[i])
+        nothing = nothing and fitted[i] == 0.0
+    trifle = 0.01 * given[THRESHOLD] ** 2 * state[SEEN]
+    if nothing and square_sum(products, followed) <= trifle:
+        for i in range(len(followed)):
+            followed[i] = 0.0
 
 
 class AveragedFit:
@@ -93,10 +238,6 @@ class AveragedFit:
     ----------
     weights : list of float
         Of the functions, as they are to be used.
-    fitted : list of float
-        Of the functions, as the data show them now.
-    probabilities : ndarray
-        Of the rivals [-].
     """
 
     def __init__(
@@ -108,121 +249,68 @@ class AveragedFit:
         threshold: float,
         bounds: Mapping[int, float],
     ) -> None:
-        self._noise, self._believed, self._threshold = noise, believed, threshold
         count = len(deviations)
-        self._odds: Array = np.array([rival.log_odds for rival in rivals])
-        self._better: Array = np.array([rival.better for rival in rivals])
-        self._has = np.array([[n in rival.functions for n in range(count)] for rival in rivals])
+        self._has = [[number in rival.functions for number in range(count)] for rival in rivals]
         self._penalty: Array = np.where(self._has, 1.0, DOUBTED)
         self._penalty /= np.array(deviations, dtype=np.float64) ** 2
-        self._bounds: Array = np.full(count, -math.inf)
-        for number, least in bounds.items():
-            self._bounds[number] = least
-        self._finite: Array = np.where(np.isfinite(self._bounds), self._bounds, 0.0)
-        self._diagonal = np.arange(count)
+        self._bounds = [bounds.get(number, -math.inf) for number in range(count)]
+        self._rivals = rivals
+        self._given = for_kernel(np.array([noise, believed, threshold]))
         self._comparison = RunningComparison(threshold)
         self.forget()
+        prepare(take_rival_sample, *self._arguments, self._sums[0], 0.0, 0.0, 0.0)
 
     def forget(self) -> None:
         """Nothing is known."""
-        rivals, count = self._penalty.shape
+        count, rivals = len(self._bounds), len(self._rivals)
         self.weights: list[float] = [0.0] * count
-        self.fitted: list[float] = [0.0] * count
-        self._followed: Array = np.zeros(count)
         self._comparison.forget()
-        self.probabilities: Array = np.full(rivals, 1.0 / rivals)
-        self._products: Array = np.zeros((count, count))
-        self._wanted: Array = np.zeros(count)
-        self._seen = self._energy = 0.0
-        self._unsolved = math.inf
-        self._unexplained = 1.0  # squared errors of the fit, by those that are too large
-        self._solutions: Array = np.zeros((rivals, count))
-        self._at_bound = np.zeros((rivals, count), dtype=bool)
+        sums, table = np.zeros((N_ROWS, count)), np.zeros((rivals, N_RIVAL))
+        sums[BOUND] = self._bounds
+        table[:, ODDS] = [rival.log_odds for rival in self._rivals]
+        table[:, BETTER] = [rival.better for rival in self._rivals]
+        table[:, PRIOR_SIZE] = np.log(self._penalty).sum(axis=1)
+        table[:, PROBABILITY] = 1.0 / rivals
+        self._sums, self._table = for_kernel(sums), for_kernel(table)
+        self._arguments = (
+            self._given,
+            for_kernel(np.array([0.0, 0.0, math.inf, 1.0])),
+            self._sums,
+            for_kernel(np.zeros((count, count))),
+            self._table,
+            for_kernel(self._penalty),
+            for_kernel(np.zeros((rivals, count))),
+            for_kernel(np.zeros((rivals, count))),
+            for_kernel(np.zeros((count, count))),
+        )
+
+    @property
+    def fitted(self) -> list[float]:
+        """Of the functions, as the data show them now."""
+        return [*listed(self._sums[FITTED])]
+
+    @property
+    def probabilities(self) -> list[float]:
+        """Of the rivals [-]."""
+        return [float(rival[PROBABILITY]) for rival in self._table]
 
     def certainty(self, function: int) -> float:
         """Probability of the rivals that have a function [-]."""
-        return float(self.probabilities @ self._has[:, function])
+        pairs = zip(self.probabilities, self._has, strict=True)
+        return sum(probability for probability, has in pairs if has[function])
 
-    def update(self, functions: Array, value: float, duration: float) -> None:
+    def update(self, functions: Sequence[float], value: float, duration: float) -> None:
         """Take the functions' values, shape (n,), and the measured value after a time [s].
 
-        The weights are computed anew every `SOLVED_EVERY`, because that takes most of the time.
+        The weights are computed anew every `SOLVED_EVERY`, because that takes most of the time. A
+        sample without a duration says nothing.
         """
-        comparison = self._comparison
-        comparison.update(float(self._followed @ functions), value, duration)
+        if duration <= 0.0:
+            return
+        comparison, followed = self._comparison, listed(self._sums[FOLLOWED])
+        expected = sum(weight * each for weight, each in zip(followed, functions, strict=True))
+        comparison.update(expected, value, duration)
         kept = math.exp(-duration / comparison.memory(MEMORY))
-        share = duration / CORRELATED
-        self._products *= kept
-        self._products += share * (functions[:, None] * functions)
-        self._wanted = kept * self._wanted + (share * value) * functions
-        self._energy = kept * self._energy + share * value * value
-        self._seen = kept * self._seen + share
-        self._unsolved += duration
-        if self._unsolved >= SOLVED_EVERY:
-            self._unsolved = 0.0
-            self._fit()
-        within = max(FOLLOWS * self._unexplained, duration)
-        self._followed += -math.expm1(-duration / within) * (self.fitted - self._followed)
-        if not any(self.fitted) and self._explained(self._followed) <= 0.01 * self._least:
-            self._followed[:] = 0.0
-        self.weights = (comparison.share * self._followed).tolist()
-
-    def _fit(self) -> None:
-        """Compute the fitted weights from all data."""
-        before = BELIEVED_FOR / CORRELATED
-        samples, doubt = self._seen + before, before * np.square(self._believed)
-        variance = np.maximum((self._left() + doubt) / samples, self._noise**2)
-        regular = self._products / variance[:, None, None]
-        regular[:, self._diagonal, self._diagonal] += self._penalty
-        self._solve(regular, self._wanted / variance[:, None])
-        left = self._left()
-        errors = (left + doubt) / variance
-        errors += (self._penalty * self._solutions**2).sum(axis=1)
-        _, size = np.linalg.slogdet(regular)
-        occam = size - np.log(self._penalty).sum(axis=1)
-        evidence = self._odds - 0.5 * (occam + samples * np.log(variance) + errors)
-        ordinary = self._better == 1.0
-        evidence[~ordinary & (self._better * left > left[ordinary].min())] = -math.inf
-        odds = np.exp(evidence - evidence.max())
-        self.probabilities = odds / odds.sum()
-        doubtful = (EXPLAINED * self._noise) ** 2
-        errors = float(self.probabilities @ left) + before * doubtful
-        self._unexplained = min(errors / (samples * doubtful), 1.0)
-        weights = self.probabilities @ self._solutions
-        explained, least = self._explained(weights), self._least
-        if explained <= least:
-            self.fitted = [0.0] * len(weights)
-        else:
-            self.fitted = ((1.0 - least / explained) * weights).tolist()
-
-    @property
-    def _least(self) -> float:
-        """Sum of the squares that weights must explain to be used at all."""
-        return self._threshold**2 * self._seen
-
-    def _explained(self, weights: Array) -> float:
-        """Sum of the squares that these weights explain."""
-        return float(weights @ self._products @ weights)
-
-    def _solve(self, regular: Array, wanted: Array) -> None:
-        """Find the weights of all rivals, each above its bound."""
-        for _ in range(PIVOTS):
-            held = np.where(self._at_bound, DOUBTED * self._penalty, 0.0)
-            matrices = regular.copy()
-            matrices[:, self._diagonal, self._diagonal] += held
-            sides = wanted + held * self._finite
-            found: Array = np.linalg.solve(matrices, sides[..., None])[..., 0]
-            self._solutions = found
-            # what pulls a weight that is held down from above
-            pull = wanted - np.einsum("rij,rj->ri", regular, found)
-            at_bound = np.where(self._at_bound, pull <= 0.0, found < self._bounds)
-            if (at_bound == self._at_bound).all():
-                return
-            self._at_bound = at_bound
-
-    def _left(self) -> Array:
-        """Sum of the squared errors that the weights of each rival leave."""
-        weights = self._solutions
-        explained = ((weights @ self._products) * weights).sum(axis=1)
-        left: Array = np.maximum(self._energy - 2.0 * weights @ self._wanted + explained, 0.0)
-        return left
+        sample = for_kernel(np.array(functions))
+        take_rival_sample(*self._arguments, sample, value, duration, kept)
+        self.weights = [comparison.share * weight for weight in listed(self._sums[FOLLOWED])]

@@ -33,8 +33,6 @@ from __future__ import annotations
 import math
 from typing import Any, Final
 
-import numpy as np
-
 from pam_control.adaptation.recursive_fit import RecursiveFit, Suspect
 from pam_control.adaptation.tube_search import TubeSearch
 from pam_control.limited import limited
@@ -268,7 +266,7 @@ class FlowAdaptation:
     def update(self) -> None:
         """Learn from the filtered samples; due when `V_SINCE` has reached `EVERY`."""
         v = self._v
-        smooth = [float(v[V_SMOOTH + place]) for place in range(N_SMOOTH)]
+        smooth = [float(each) for each in v[V_SMOOTH : V_SMOOTH + N_SMOOTH]]
         slow, shown, lost, up, down, _, moved = smooth[:7]
         per_rate, since = float(v[V_PER_RATE]), float(v[V_SINCE])
         known = self.tube.share > 0.0
@@ -280,9 +278,8 @@ class FlowAdaptation:
             self.forget_flows()  # they were seen through another sensor, as it were
         elif works:
             seen = per_rate * (float(v[V_TRUE]) - slow) / FILTER + moved
-            functions = (
-                np.array((*smooth[3:], (up + down - float(v[V_LATE])) / FILTER)) / self._full
-            )
+            late = (up + down - float(v[V_LATE])) / FILTER
+            functions = [each / self._full for each in (*smooth[3:], late)]
             self._fit.update(functions, (seen - up - down) / self._full, since)
             self._bound()
         v[V_SINCE] = 0.0

@@ -27,12 +27,20 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
 
+from pam_control.adaptation.normal_equations import (
+    add_sample,
+    dot,
+    factorise,
+    square_sum,
+    substitute,
+)
 from pam_control.adaptation.running_comparison import RunningComparison
+from pam_model.plant.compiled import entry_point, for_kernel, listed, prepare
 
 CORRELATED: Final = 0.05  # s, for which the error of a fit stays about the same
 DOUBTED: Final = 1e9  # times the penalty; such a weight is as good as 0
@@ -40,6 +48,14 @@ MEMORY: Final = 15.0  # s of motion or work, not of time
 SOLVED_EVERY: Final = 0.045  # s of motion or work; the weights change within seconds
 
 Array = npt.NDArray[np.float64]
+
+# What does not change of a fit: noise, threshold, least weight and gain of the suspect (a gain of 0
+# means that there is none), and the number of the function whose weight is positive, or -1
+NOISE, THRESHOLD, SUSPECT_LEAST, SUSPECT_BETTER, POSITIVE, N_GIVEN = range(6)
+# State: sums of weights and of squared values, time since the last solution, size of the errors
+SEEN, ENERGY, UNSOLVED, SIZE, N_STATE = range(5)
+# Rows of weights: in use, last solution, their standard deviations' penalty, doubts, and scratch
+FITTED, SOLUTION, PENALTY, DOUBT, WANTED, ALONE, MOVED, N_ROWS = range(8)
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +72,84 @@ class Suspect:
 
     least: float
     better: float
+
+
+def squares_left(state: Any, rows: Any, products: Any, weights: Any) -> float:
+    """Sum of the squared errors that weights leave."""
+    explained = square_sum(products, weights)
+    return float(state[ENERGY] - 2.0 * dot(weights, rows[WANTED]) + explained)
+
+
+def solve_with_or_without_suspect(
+    given: Any, state: Any, rows: Any, products: Any, scratch: Any
+) -> None:
+    """Write the solution of the normal equations with what was known before."""
+    count = len(rows[WANTED])
+    found, alone, moved = rows[SOLUTION], rows[ALONE], rows[MOVED]
+    for i in range(count):
+        for j in range(count):
+            scratch[i][j] = products[i][j]
+        scratch[i][i] += state[SIZE] * rows[DOUBT][i] * rows[PENALTY][i]
+        alone[i] = rows[WANTED][i]
+        moved[i] = scratch[i][count - 1]
+    if given[SUSPECT_BETTER] == 0.0:
+        factorise(scratch, count)
+        substitute(scratch, count, alone)
+        for i in range(count):
+            found[i] = alone[i]
+        return
+    # with and without the suspect from one factorisation, by its Schur complement
+    last = count - 1
+    column, corner = scratch[last], scratch[last][last]  # the factorisation leaves them
+    factorise(scratch, last)
+    substitute(scratch, last, alone)
+    substitute(scratch, last, moved)
+    weight, size = rows[WANTED][last], corner
+    for i in range(last):
+        weight -= column[i] * alone[i]
+        size -= column[i] * moved[i]
+    weight /= size
+    alone[last], found[last] = 0.0, weight
+    for i in range(last):
+        found[i] = alone[i] - weight * moved[i]
+    without = squares_left(state, rows, products, alone)
+    with_all = squares_left(state, rows, products, found)
+    believed = without > given[SUSPECT_BETTER] * with_all and abs(weight) > given[SUSPECT_LEAST]
+    if not believed:
+        for i in range(count):
+            found[i] = alone[i]
+
+
+@entry_point
+def take_sample(
+    given: Any, state: Any, rows: Any, products: Any, scratch: Any, functions: Any, value: float,
+    duration: float, kept: float,
+) -> None:  # fmt: skip
+    """Take a sample after a time [s], of which older samples keep a share; compute the weights.
+
+    The rows are those of `RecursiveFit`.
+    """
+    share = duration / CORRELATED
+    add_sample(products, rows[WANTED], functions, value, kept, share)
+    state[ENERGY] = kept * state[ENERGY] + share * value * value
+    state[SEEN] = kept * state[SEEN] + share
+    state[UNSOLVED] += duration
+    if state[UNSOLVED] < SOLVED_EVERY:
+        return
+    state[UNSOLVED] = 0.0
+    found, fitted, positive = rows[SOLUTION], rows[FITTED], int(given[POSITIVE])
+    left = squares_left(state, rows, products, found)
+    state[SIZE] = max(left / (state[SEEN] * given[NOISE] ** 2), 1.0)
+    if positive >= 0:
+        rows[DOUBT][positive] = 1.0
+    solve_with_or_without_suspect(given, state, rows, products, scratch)
+    if positive >= 0 and found[positive] < 0.0:
+        rows[DOUBT][positive] = DOUBTED
+        solve_with_or_without_suspect(given, state, rows, products, scratch)
+    explained, least = square_sum(products, found) / state[SEEN], given[THRESHOLD] ** 2
+    used = 0.0 if explained <= least else 1.0 - least / explained
+    for i in range(len(fitted)):
+        fitted[i] = used * found[i]
 
 
 class RecursiveFit:
@@ -88,102 +182,42 @@ class RecursiveFit:
         suspect: Suspect | None = None,
         positive: int | None = None,
     ) -> None:
-        self._noise = noise
-        self._penalty: Array = (noise / np.array(deviations, dtype=np.float64)) ** 2
-        self._threshold, self._suspect, self._positive = threshold, suspect, positive
+        self._deviations, self._noise = np.array(deviations, dtype=np.float64), noise
+        least, better = (suspect.least, suspect.better) if suspect else (0.0, 0.0)
+        number = -1.0 if positive is None else float(positive)
+        self._given = for_kernel(np.array([noise, threshold, least, better, number]))
         self._comparison = RunningComparison(threshold)
         self.forget()
+        prepare(take_sample, *self._arguments, self._sums[0], 0.0, 0.0, 0.0)
 
     def forget(self) -> None:
         """Nothing is known."""
-        count = len(self._penalty)
+        count = len(self._deviations)
         self.weights: list[float] = [0.0] * count
-        self._fitted: Array = np.zeros(count)
         self._comparison.forget()
-        self._products: Array = np.zeros((count, count))
-        self._wanted: Array = np.zeros(count)
-        self._seen = self._energy = 0.0
-        self._unsolved = math.inf
-        self._solution: Array = np.zeros(count)
-        self._size = 1.0
-        self._doubt: Array = np.ones(count)
+        sums, square = np.zeros((N_ROWS, count)), np.zeros((count, count))
+        sums[PENALTY], sums[DOUBT] = (self._noise / self._deviations) ** 2, 1.0
+        self._sums, self._products = for_kernel(sums), for_kernel(square)
+        self._state = for_kernel(np.array([0.0, 0.0, math.inf, 1.0]))
+        scratch = for_kernel(square.copy())
+        self._arguments = (self._given, self._state, self._sums, self._products, scratch)
 
-    def update(self, functions: Array, value: float, duration: float) -> None:
+    def update(self, functions: Sequence[float], value: float, duration: float) -> None:
         """Take the functions' values, shape (n,), and the measured value after a time [s].
 
         The weights are computed anew every `SOLVED_EVERY`, because that takes most of the time.
         """
-        comparison = self._comparison
-        comparison.update(float(self._fitted @ functions), value, duration)
+        comparison, fitted = self._comparison, listed(self._sums[FITTED])
+        expected = sum(weight * each for weight, each in zip(fitted, functions, strict=True))
+        comparison.update(expected, value, duration)
         kept = math.exp(-duration / comparison.memory(MEMORY))
-        share = duration / CORRELATED
-        self._products *= kept
-        self._products += share * (functions[:, None] * functions)
-        self._wanted = kept * self._wanted + (share * value) * functions
-        self._energy = kept * self._energy + share * value * value
-        self._seen = kept * self._seen + share
-        self._unsolved += duration
-        if self._unsolved >= SOLVED_EVERY:
-            self._unsolved = 0.0
-            self._fit()
-        self.weights = (comparison.share * self._fitted).tolist()
-
-    def _fit(self) -> None:
-        """Compute the weights from all data."""
-        left = self._left(self._solution, self._explained(self._solution))
-        self._size = max(left / (self._seen * self._noise**2), 1.0)
-        weights, explained = self._solved()
-        self._solution = weights
-        explained /= self._seen
-        if explained <= self._threshold**2:
-            self._fitted = np.zeros(len(weights))
-        else:
-            self._fitted = (1.0 - self._threshold**2 / explained) * weights
+        sample = for_kernel(np.array(functions))
+        take_sample(*self._arguments, sample, value, duration, kept)
+        self.weights = [comparison.share * weight for weight in listed(self._sums[FITTED])]
 
     def deviation(self, index: int) -> float:
         """Standard deviation of one weight, in its unit."""
-        inverse = np.linalg.inv(self._regular())
-        return self._noise * math.sqrt(self._size * max(float(inverse[index, index]), 0.0))
-
-    def _regular(self) -> Array:
-        """The normal equations with what was known before."""
-        regular = self._products.copy()
-        regular.flat[:: len(regular) + 1] += self._size * self._doubt * self._penalty
-        return regular
-
-    def _solved(self) -> tuple[Array, float]:
-        """The weights, and the sum of the squares that they explain."""
-        if self._positive is None:
-            return self._with_or_without_suspect()
-        self._doubt[self._positive] = 1.0
-        found = self._with_or_without_suspect()
-        if found[0][self._positive] >= 0.0:
-            return found
-        self._doubt[self._positive] = DOUBTED
-        return self._with_or_without_suspect()
-
-    def _with_or_without_suspect(self) -> tuple[Array, float]:
-        regular = self._regular()
-        if self._suspect is None:
-            found: Array = np.linalg.solve(regular, self._wanted)
-            return found, self._explained(found)
-        # with and without the suspect from one factorisation, by its Schur complement
-        column = regular[:-1, -1]
-        sides = np.array((self._wanted[:-1], column)).T
-        alone, moved = np.linalg.solve(regular[:-1, :-1], sides).T
-        last = (self._wanted[-1] - column @ alone) / (regular[-1, -1] - column @ moved)
-        without, with_all = np.zeros((2, len(regular)))
-        without[:-1] = alone
-        with_all[:-1] = alone - last * moved
-        with_all[-1] = last
-        less, more = self._explained(without), self._explained(with_all)
-        better = self._left(without, less) > self._suspect.better * self._left(with_all, more)
-        return (with_all, more) if better and abs(last) > self._suspect.least else (without, less)
-
-    def _explained(self, weights: Array) -> float:
-        """Sum of the squares that these weights explain."""
-        return float(weights @ self._products @ weights)
-
-    def _left(self, weights: Array, explained: float) -> float:
-        """Sum of the squared errors that these weights leave."""
-        return self._energy - 2.0 * float(weights @ self._wanted) + explained
+        sums, size = np.array(self._sums), self._state[SIZE]
+        regular = np.array(self._products) + np.diag(size * sums[DOUBT] * sums[PENALTY])
+        inverse = np.linalg.inv(regular)
+        return self._noise * math.sqrt(size * max(float(inverse[index, index]), 0.0))

@@ -31,8 +31,6 @@ from __future__ import annotations
 import math
 from typing import Any, Final
 
-import numpy as np
-
 from pam_control.adaptation.averaged_fit import AveragedFit, Rival
 from pam_control.adaptation.motion_functions import (
     DEVIATIONS,
@@ -272,16 +270,17 @@ class TorqueAdaptation:
         speed_before, speed_twice = float(row[A_SPEED_BEFORE]), float(row[A_SPEED_TWICE])
         if abs(speed_twice) > STILL:
             # the difference below is the acceleration half a period ago
-            smooth = np.array(
-                [0.5 * (row[A_BEFORE + place] + row[A_TWICE + place]) for place in range(N_SAMPLE)]
+            pairs = zip(
+                row[A_BEFORE : A_BEFORE + N_SAMPLE], row[A_TWICE : A_TWICE + N_SAMPLE], strict=True
             )
+            smooth = [0.5 * float(before + now) for before, now in pairs]
             speed = 0.5 * (speed_before + speed_twice)
             motion = (speed, (float(row[A_SPEED_ONCE]) - speed_twice) / FILTER)
             model = self._damping * motion[0] + self._inertia * motion[1]
-            functions = np.concatenate((smooth[1:4], motion, smooth[4:]))
+            functions = (*smooth[1:4], *motion, *smooth[4:])
             learnt = -self._slow_part()
             counted = float(row[A_SINCE]) * min(abs(speed) / SLOW, 1.0)
-            self._fit.update(functions, float(smooth[0]) - model, counted)
+            self._fit.update(functions, smooth[0] - model, counted)
             self._use()
             learnt += self._slow_part()
         row[A_SINCE] = 0.0

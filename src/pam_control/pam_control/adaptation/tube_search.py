@@ -19,8 +19,6 @@ from __future__ import annotations
 import math
 from typing import Final
 
-import numpy as np
-
 from pam_control.adaptation.recursive_fit import RecursiveFit, Suspect
 
 HIGH_PASS: Final = 0.3  # s
@@ -108,7 +106,7 @@ class TubeSearch:
         self._since += step
         if self._since < EVERY:
             return
-        functions = np.array((self._filled, self._emptied, lost - self._lost))
+        functions = (self._filled, self._emptied, lost - self._lost)
         unexplained = shown - self._shown - self._filled - self._emptied + self._moved
         self._fit.update(functions, unexplained, self._since)
         found = min(self._fit.weights[-1], MOST)

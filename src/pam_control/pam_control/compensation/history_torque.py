@@ -18,9 +18,11 @@ from pam_control.rows.plan_rows import (
     Y_HISTORY_TIME,
     Y_SLIP,
 )
+from pam_model.physics.joint_geometry import ANTAGONIST_SIGN
 from pam_model.plant.composition import dry_friction, memory_pull
 from pam_model.plant.control_laws import memory_advance
-from pam_model.plant.layout import AGONIST, ANTAGONIST, C_RADIUS, N_MUSCLE_STATES
+from pam_model.plant.layout import AGONIST, ANTAGONIST, N_MUSCLE_STATES
+from pam_model.views.joint_rows import length_rate, torque_of
 
 
 def begin_history(y: Any, memory: Any) -> None:
@@ -53,7 +55,7 @@ def history_torque(
     if not math.isnan(y[Y_HISTORY_POSITION]):
         travel = position - y[Y_HISTORY_POSITION]
         y[Y_SLIP] = slipped(y[Y_SLIP], travel, velocity, acceleration, j[J_PRESLIDING])
-        stroke = c[C_RADIUS] * travel
+        stroke = length_rate(ANTAGONIST_SIGN, c, travel)
         duration = max(time - y[Y_HISTORY_TIME], 0.0)
         memory_advance(AGONIST, c, memory, 0, -stroke, duration)
         memory_advance(ANTAGONIST, c, memory, N_MUSCLE_STATES, stroke, duration)
@@ -61,4 +63,4 @@ def history_torque(
     agonist, _ = memory_pull(AGONIST, c, memory, 0, a)
     antagonist, _ = memory_pull(ANTAGONIST, c, memory, N_MUSCLE_STATES, b)
     friction = y[Y_SLIP] * dry_friction(c, velocity)
-    return float(c[C_RADIUS] * (agonist - antagonist) - friction)
+    return float(torque_of(c, agonist, antagonist) - friction)

@@ -13,9 +13,10 @@ import control
 import numpy as np
 import numpy.typing as npt
 
-from pam_control.feedback.linear_joint import LoopStructure, LoopTiming, OperatingPoint
+from pam_control.feedback.linear_joint import LoopStructure, LoopTiming
 from pam_control.feedback.margins import LoopCase
 from pam_control.feedback.pid import PidGains
+from pam_model.views.linearised_joint import OperatingPoint
 
 PADE_ORDER = 4
 
@@ -40,11 +41,10 @@ def state_space(point: OperatingPoint, loop: LoopStructure, timing: LoopTiming) 
         return _regulated_state_space(point, loop, timing)
     k = loop.pressure_gain
     (na, nb), (ca, cb) = point.torque_slopes, point.motion_pressure
-    J = point.inertia
     joint = control.ss(
         [
             [0.0, 1.0, 0.0, 0.0],
-            [-point.spring / J, -point.damping / J, na / J, nb / J],
+            point.accelerations(-point.spring, -point.damping, na, nb),
             [0.0, -ca, 0.0, 0.0],
             [0.0, -cb, 0.0, 0.0],
         ],
@@ -90,9 +90,11 @@ def _gain(matrix: npt.ArrayLike) -> Any:
 
 def _regulated_state_space(point: OperatingPoint, loop: LoopStructure, timing: LoopTiming) -> Any:
     (na, nb), (ga, gb), (ha, hb) = point.torque_slopes, loop.input, loop.position_feedback
-    J = point.inertia
     joint = control.ss(
-        [[0.0, 1.0], [-point.spring / J, -point.damping / J]], [[0.0], [1.0 / J]], [[1.0, 0.0]], 0.0
+        [[0.0, 1.0], point.accelerations(-point.spring, -point.damping)],
+        [[0.0], point.accelerations(1.0)],
+        [[1.0, 0.0]],
+        0.0,
     )
     delay = control.ss(control.tf(*control.pade(timing.delay, PADE_ORDER)))
     tau = max(timing.valve_time_constant, 1e-6)

@@ -37,6 +37,7 @@ from pam_control.feedback.margins import ControlDesignError, LoopCase
 from pam_control.feedback.observer_design import ObserverCost, design_with_observer
 from pam_control.feedback.pid import PidGains
 from pam_control.feedback.separate_process import LONGEST, SeparateProcess
+from pam_model.views import linearised_joint
 from pam_ros.missing_packages import what_to_install
 
 LARGEST_FILE = 1_000_000  # bytes; a design of 9 operating points takes 5 kB
@@ -308,4 +309,5 @@ def _code_version() -> str:
     digest = hashlib.sha256(f"numpy {np.__version__}, scipy {scipy.__version__}".encode())
     for name in CODE:
         digest.update(Path(__file__).with_name(f"{name}.py").read_bytes())
+    digest.update(Path(linearised_joint.__file__).read_bytes())
     return digest.hexdigest()

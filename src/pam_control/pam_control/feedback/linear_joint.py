@@ -15,59 +15,16 @@ depend on the pressure; the inverse of the ISO 6358 flow makes their gain one.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from pam_model.views.linearised_joint import OperatingPoint
+
 Pair = tuple[float, float]
 Complex = npt.NDArray[np.complex128]
-
-
-@dataclass(frozen=True, slots=True)
-class OperatingPoint:
-    """One joint at rest: the coefficients of the equations in the module's docstring.
-
-    Attributes
-    ----------
-    position : float
-        [rad].
-    stiffness : float
-        Stiffness of the muscles at constant pressure [N m/rad].
-    pressures : (float, float)
-        Agonist, antagonist, gauge [Pa].
-    inertia : float
-        J [kg m^2].
-    damping : float
-        B [N m s/rad].
-    spring : float
-        K: muscles at constant pressure, and gravity [N m/rad].
-    torque_slopes : (float, float)
-        na, nb [N m/Pa].
-    motion_pressure : (float, float)
-        ca, cb [Pa/rad].
-    per_torque : (float, float)
-        Pressure change per torque at constant stiffness and position [Pa/(N m)].
-    per_position : (float, float)
-        Pressure change per angle at constant torque and stiffness [Pa/rad].
-    """
-
-    position: float
-    stiffness: float
-    pressures: Pair
-    inertia: float
-    damping: float
-    spring: float
-    torque_slopes: Pair
-    motion_pressure: Pair
-    per_torque: Pair
-    per_position: Pair
-
-    def swinging_spring(self, frequency: float) -> float:
-        """Spring [N m/rad] on which the joint would swing with a frequency [Hz]."""
-        return self.inertia * (2.0 * math.pi * frequency) ** 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,7 +124,7 @@ def response_parts(
         lag = timing.valve_time_constant * s
         follow = np.exp(-timing.delay * s) / (lag * lag + 2.0 * timing.valve_damping * lag + 1.0)
     late = np.exp(-timing.position_delay * s)
-    spring: Any = point.inertia * s * s + point.damping * s + point.spring
+    spring: Any = point.dynamic_stiffness(s)
     drive: Any = 0.0
     for n, c, g, h in zip(
         point.torque_slopes,

@@ -26,11 +26,11 @@ from pam_control.feedback.linear_joint import (
     Complex,
     LoopStructure,
     LoopTiming,
-    OperatingPoint,
     frequency_response,
 )
 from pam_control.feedback.pid import PidGains
 from pam_model.errors import PamError
+from pam_model.views.linearised_joint import OperatingPoint
 
 LEAST_PHASE_MARGIN = math.radians(30.0)
 GRID = np.geomspace(0.05, 500.0, 400)  # rad/s

@@ -65,9 +65,8 @@ class ObserverCost:
         stated: list[tuple[Any, ...]] = []
         for case in task.cases:
             point = case.point
-            heavy = dataclasses.replace(point, inertia=UNKNOWN_INERTIA * point.inertia)
-            model = point.inertia * s * s + point.damping * s + point.spring
-            more = (heavy.inertia - point.inertia) * s * s
+            heavy = point.heavier(UNKNOWN_INERTIA)
+            model, more = point.dynamic_stiffness(s), heavy.inertia_beyond(point, s)
             variants: tuple[tuple[Any, ...], ...] = (
                 (point, timing, 1.0, 1.0, 0.0),
                 (point, told, behind, 1.0, 0.0),

@@ -1,78 +1,16 @@
-"""The equilibria at which a joint's loop is designed and checked.
-
-The derivatives of torque and stiffness are finite differences of the force model, so that any force
-model can be used. Torque r (F_a - F_b) and stiffness r^2 (K_a + K_b) follow the rig's nominal
-physics.
-"""
+"""The equilibria at which a joint's loop is designed and checked."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
-from pam_control.feedback.linear_joint import OperatingPoint
 from pam_model.errors import PamError
 from pam_model.joints.antagonistic_joint import AntagonisticJoint
 from pam_model.robot import RobotJoint
 from pam_model.views.inverse_dynamics import InverseDynamics
+from pam_model.views.linearised_joint import PRESSURE_STEP, OperatingPoint, operating_point
 
 POSITION_SHARES = (0.05, 0.5, 0.95)
-PRESSURE_STEP = 10.0  # Pa
-POSITION_STEP = 1e-5  # rad
-
-
-def operating_point(
-    joint: RobotJoint, model: AntagonisticJoint, position: float, pressures: tuple[float, float]
-) -> OperatingPoint:
-    """Linearise one joint at rest.
-
-    Parameters
-    ----------
-    joint : RobotJoint
-        Inertia, friction and gravity.
-    model : AntagonisticJoint
-        Its muscles.
-    position : float
-        [rad].
-    pressures : (float, float)
-        Gauge pressures of agonist and antagonist [Pa].
-    """
-
-    def statics(a: float, b: float, q: float) -> list[float]:
-        return [model.torque(a, b, q), model.stiffness(a, b, q)]
-
-    a, b = pressures
-    h, e = PRESSURE_STEP, POSITION_STEP
-    by_agonist = _slope(statics(a + h, b, position), statics(a - h, b, position), h)
-    by_antagonist = _slope(statics(a, b + h, position), statics(a, b - h, position), h)
-    by_position = _slope(statics(a, b, position + e), statics(a, b, position - e), e)
-    jacobian = np.array([by_agonist, by_antagonist]).T
-    per_torque = np.linalg.solve(jacobian, [1.0, 0.0])
-    per_position = -np.linalg.solve(jacobian, by_position)
-    motion = [
-        model.exponent * (pressure + model.ambient_pressure) * slope / volume
-        for pressure, slope, volume in zip(
-            pressures, model.volume_slopes(position), model.volumes(position), strict=True
-        )
-    ]
-    dynamics = InverseDynamics.from_joint(joint)
-    return OperatingPoint(
-        position=position,
-        stiffness=statics(a, b, position)[1],
-        pressures=pressures,
-        inertia=dynamics.inertia,
-        damping=dynamics.viscous_friction,
-        spring=-by_position[0] + dynamics.gravity_stiffness(position),
-        torque_slopes=(by_agonist[0], by_antagonist[0]),
-        motion_pressure=(motion[0], motion[1]),
-        per_torque=(float(per_torque[0]), float(per_torque[1])),
-        per_position=(float(per_position[0]), float(per_position[1])),
-    )
-
-
-def _slope(high: Sequence[float], low: Sequence[float], step: float) -> list[float]:
-    return [(x - y) / (2.0 * step) for x, y in zip(high, low, strict=True)]
 
 
 def operating_grid(

@@ -18,9 +18,10 @@ from pam_control.control_step import LawTelemetry, PlanRequest
 from pam_control.declared import Declared
 from pam_control.feedback.linear_joint import LoopStructure
 from pam_control.feedback.margins import LoopCase
-from pam_control.feedback.operating_points import POSITION_SHARES, operating_point
+from pam_control.feedback.operating_points import POSITION_SHARES
 from pam_control.joint_models import JointModels, Pair
 from pam_control.limited import limited
+from pam_model.views.linearised_joint import operating_point
 
 MEAN_PRESSURE: Final = Declared(
     "pressure_ratio.mean_pressure", 2.3e5, "Pa", 1e4, 1e6, "mean of the two pressures of a joint",

@@ -126,21 +126,16 @@ from pam_control.rows.plan_rows import (
     Y_SINCE_ESTIMATE,
     Y_STIFFNESS,
 )
-from pam_model.joints.affine_inverse import Line, affine_line, affine_pressures
-from pam_model.physics.joint_geometry import AGONIST_SIGN, ANTAGONIST_SIGN, muscle_length
 from pam_model.plant.compiled import entry_point
-from pam_model.plant.composition import dry_friction, joint_torque
-from pam_model.plant.layout import (
-    AGONIST,
-    ANTAGONIST,
-    C_GRAVITY,
-    C_GRAVITY_ANGLE,
-    C_INERTIA,
-    C_RADIUS,
-    C_VISCOUS,
-    M_NEUTRAL,
+from pam_model.plant.composition import dry_friction
+from pam_model.views.joint_rows import (
+    gravity,
+    motion_torque,
+    moving_torque,
+    muscles_torque,
+    pressures_for,
+    static_torque,
 )
-from pam_model.plant.muscle_stage import braid_force
 
 RATE_SPAN: Final = 0.01  # s, over which the rate of the muscles' torque is taken
 OBSERVE, AHEAD, NOW, AIM, REACHED = range(5)
@@ -154,52 +149,20 @@ def inside(j: Any, position: float) -> float:
     return limited(position, j[J_POSITION_LOW], j[J_POSITION_HIGH])
 
 
-def static_torque(c: Any, position: float, velocity: float) -> float:
-    """Torque [N m] for a measured motion [rad], [rad/s]: no inertia, no friction."""
-    return float(gravity(c, position) - joint_torque(c, position, velocity))
-
-
-def gravity(c: Any, position: float) -> float:
-    """Torque [N m] that holds the limb still at a position [rad]."""
-    return float(c[C_GRAVITY] * math.sin(position - c[C_GRAVITY_ANGLE]))
-
-
-def needed_torque(c: Any, x: Any, at: int) -> float:
-    """Torque [N m] for the reference in a row from a place on, without dry friction."""
-    moving = c[C_INERTIA] * x[at + 2] + c[C_VISCOUS] * x[at + 1]
-    return float(moving + gravity(c, x[at]) - joint_torque(c, x[at], x[at + 1]))
-
-
-def muscles_torque(c: Any, table: Any, a: float, b: float, position: float) -> float:
-    """Torque of muscles in closed form [N m] at pressures [Pa gauge] and a position [rad]."""
-    radius = c[C_RADIUS]
-    first = muscle_length(c[AGONIST + M_NEUTRAL], AGONIST_SIGN, radius, position)
-    second = muscle_length(c[ANTAGONIST + M_NEUTRAL], ANTAGONIST_SIGN, radius, position)
-    pull, _, _ = braid_force(AGONIST, c, table, a, first)
-    against, _, _ = braid_force(ANTAGONIST, c, table, b, second)
-    return float(radius * (max(0.0, pull) - max(0.0, against)))
-
-
-def muscle_line(m: int, c: Any, table: Any, length: float, low: float, high: float) -> Line:
-    """What a muscle in closed form does at a length [m], in a range of pressures [Pa gauge]."""
-    passive, offset, scale = braid_force(m, c, table, 0.0, length)
-    _, slope, _ = braid_force(m, c, table, high, length)
-    return affine_line(scale, passive, (slope - offset) / high, offset, low, high)
-
-
 def reach(c: Any, j: Any, x: Any, table: Any) -> None:
     """Find the pressures for what is asked for, of muscles in closed form."""
-    position, radius = inside(j, x[X_ASKED_POSITION]), c[C_RADIUS]
-    first = muscle_length(c[AGONIST + M_NEUTRAL], AGONIST_SIGN, radius, position)
-    second = muscle_length(c[ANTAGONIST + M_NEUTRAL], ANTAGONIST_SIGN, radius, position)
-    a, b, torque, stiffness, cut, soft = affine_pressures(
-        muscle_line(AGONIST, c, table, first, j[J_LOW_A], j[J_HIGH_A]),
-        muscle_line(ANTAGONIST, c, table, second, j[J_LOW_B], j[J_HIGH_B]),
-        radius, x[X_ASKED_TORQUE], x[X_ASKED_STIFFNESS],
+    a, b, torque, stiffness, cut, soft = pressures_for(
+        c, table, inside(j, x[X_ASKED_POSITION]), x[X_ASKED_TORQUE], x[X_ASKED_STIFFNESS],
+        j[J_LOW_A], j[J_HIGH_A], j[J_LOW_B], j[J_HIGH_B],
     )  # fmt: skip
     x[X_REACHED_A], x[X_REACHED_B] = a, b
     x[X_REACHED_TORQUE], x[X_REACHED_STIFFNESS] = torque, stiffness
     x[X_TORQUE_LIMITED], x[X_STIFFNESS_LIMITED] = 1.0 if cut else 0.0, 1.0 if soft else 0.0
+
+
+def needed_torque(c: Any, x: Any, at: int) -> float:
+    """Torque [N m] for the reference in a row from a place on, without dry friction."""
+    return motion_torque(c, x[at], x[at + 1], x[at + 2])
 
 
 def later_act(x: Any) -> int:
@@ -292,8 +255,9 @@ def plan_now(
     if x[X_OBSERVER] > 0.0:
         x[X_LOST] = observed_loss(
             y, x[X_FRESH], x[X_TORQUE_SEEN] + memory,
-            static_torque(c, x[X_POSITION], x[X_VELOCITY]), x[X_VELOCITY], c[C_INERTIA],
-            c[C_VISCOUS], j[J_LAG], x[X_OBSERVER], s[S_SPEED_FILTER], s[S_OBSERVER_LIMIT],
+            static_torque(c, x[X_POSITION], x[X_VELOCITY]), x[X_VELOCITY],
+            moving_torque(c, 0.0, 1.0), moving_torque(c, 1.0, 0.0), j[J_LAG],
+            x[X_OBSERVER], s[S_SPEED_FILTER], s[S_OBSERVER_LIMIT],
         )  # fmt: skip
         torque += x[X_LOST]
     x[X_PLANNED_TORQUE], x[X_LEARNT] = torque, 0.0

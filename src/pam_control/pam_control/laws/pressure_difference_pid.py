@@ -27,7 +27,6 @@ import numpy as np
 from pam_control.control_step import PlanRequest, PressurePlan
 from pam_control.feedback.linear_joint import LoopStructure
 from pam_control.feedback.margins import LoopCase
-from pam_control.feedback.operating_points import operating_point
 from pam_control.joint_models import JointModels, Pair
 from pam_control.laws.law import Law, Start
 from pam_control.laws.mean_pressure import (
@@ -42,6 +41,7 @@ from pam_control.laws.mean_pressure import (
 )
 from pam_control.references.spline import JointReference
 from pam_control.settings import ControlSettings
+from pam_model.views.linearised_joint import operating_point
 
 FIT_POSITIONS: Final = 21
 

@@ -2,7 +2,7 @@
 
 A package adds a law with an entry point in the group `pam_control.control_laws`; its value is a
 subclass of `Law`. The parameters of the law are its declared fields: they become parameters of the
-node, keys of its parameter file, rows of `pam control parameters` and lines of the node's `--help`.
+node, keys of its parameter file and rows of `pam control parameters`.
 """
 
 from __future__ import annotations

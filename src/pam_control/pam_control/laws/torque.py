@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Final, NamedTuple
 
 from pam_control.control_step import LawTelemetry, PlanRequest, PressurePlan
-from pam_control.feedback.linear_joint import LoopStructure, OperatingPoint
+from pam_control.feedback.linear_joint import LoopStructure
 from pam_control.feedback.margins import LoopCase
 from pam_control.feedback.operating_points import operating_grid
 from pam_control.joint_models import JointModels
@@ -31,6 +31,7 @@ from pam_control.laws.position_stiffness import PositionStiffness, PositionStiff
 from pam_control.limited import limited
 from pam_control.references.spline import JointReference
 from pam_control.settings import ControlSettings
+from pam_model.views.linearised_joint import OperatingPoint
 
 END_ZONE: Final = 0.1  # rad; so far from the end of the range the limit begins to act
 REACTION: Final = 0.03  # s, until a changed torque acts

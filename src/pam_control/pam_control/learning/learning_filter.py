@@ -164,5 +164,4 @@ def later(timing: LoopTiming, delay: float) -> LoopTiming:
 
 
 def _heavier(case: LoopCase, factor: float) -> LoopCase:
-    point = dataclasses.replace(case.point, inertia=factor * case.point.inertia)
-    return dataclasses.replace(case, point=point)
+    return dataclasses.replace(case, point=case.point.heavier(factor))

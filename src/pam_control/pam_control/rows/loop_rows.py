@@ -9,12 +9,12 @@ from typing import Final
 
 # numbers: they stay the same
 (N_FULL, N_PER_PRESSURE, N_PER_SQUARE, N_THRESHOLD, N_LAG, N_SHORTEST, N_LONGEST, N_CONDUCTANCE,
- N_CRITICAL, N_DEAD, N_REGULATED, N_MOST, N_IN_CLOSED_FORM, N_SIGN) = range(14)  # fmt: skip
-N_NUMBERS: Final = 14
+ N_CRITICAL, N_REGULATED, N_MOST, N_IN_CLOSED_FORM, N_SIGN) = range(13)  # fmt: skip
+N_NUMBERS: Final = 13
 """Flow of the open valve from the supply [kg/s]; the same per pressure of the supply [kg/(s Pa)];
 loss of a tube per square of the flow, see `TubeSearch`; least half wave that counts [Pa]; lag of
 the valve [s]; range of the force model's lengths [m]; conductance [m^3/(s Pa)] and critical ratio
-[-] of the valve; dead volume [m^3]; whether it is a pressure regulator, and its largest command
+[-] of the valve; whether it is a pressure regulator, and its largest command
 [Pa]; whether the gas volume follows from the joint's numbers; sign of its torque."""
 
 # settings of a joint: they change with the settings of the controller
@@ -41,5 +41,5 @@ N_STATE: Final = V_SMOOTH + N_SMOOTH
 N_DEMAND: Final = 9
 """Desired pressure at the time of measurement [Pa]; feedforward of its rate for the time when the
 valve will act [Pa/s], and its change until then [Pa]; position [rad] and speed [rad/s] of the joint
-at that time; pressure in the muscle [Pa]; gas volume without dead volume [m^3] and its derivatives
+at that time; pressure in the muscle [Pa]; gas volume [m^3] and its derivatives
 by length [m^2] and pressure [m^3/Pa], for a muscle that is not in closed form."""

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import io
 import math
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import jinja2
-import matplotlib as mpl
 from matplotlib.figure import Figure
 
 from pam_demo.commission.sequence import Commissioned
 from pam_demo.commission.tracking import Tracked
-from pam_gap.answer.page_style import PLOT_LOOK, STYLE
+from pam_gap.answer.page_style import BREAKABLE, PLOT_LOOK, STYLE
+from pam_gap.answer.plots_in_page import picture
 from pam_gap.answer.user_units import plain
 from pam_gap.calibration.answer import STATUS, interval_words, what_would_help
 from pam_gap.calibration.calibration import DETERMINED
@@ -32,7 +32,7 @@ _PAGE = """<!doctype html>
 <th class="n">largest [mrad]</th><th>remark</th></tr>
 {% for test in tests %}<tr><td>{{ test.name }}</td><td class="n">{{ test.rms }}</td>
 <td class="n">{{ test.largest }}</td><td>{{ test.remark }}</td></tr>{% endfor %}</table></div>
-{% if plot %}<div class="wide" tabindex="0">{{ plot | safe }}</div>{% endif %}{% endif %}
+{% if plot %}<figure>{{ plot | safe }}</figure>{% endif %}{% endif %}
 {% if steps %}<h2>Steps</h2>
 <div class="wide" tabindex="0"><table><tr><th>motion</th><th class="n">size</th>
 <th class="n">pressure</th><th class="n">speed</th><th class="n">range</th></tr>
@@ -44,7 +44,7 @@ foreseen for the least favourable robot that the numbers permitted then.</p>{% e
 <div class="wide" tabindex="0"><table>
 <tr><th>number</th><th class="n">as written</th><th class="n">now</th>
 <th class="n">90 % interval</th><th>unit</th><th>what the motions say</th></tr>
-{% for row in rows %}<tr><td>{{ row.key }}</td><td class="n">{{ row.written }}</td>
+{% for row in rows %}<tr><td>{{ breakable(row.key) }}</td><td class="n">{{ row.written }}</td>
 <td class="n">{{ row.value }}</td><td class="n">{{ row.interval }}</td><td>{{ row.unit }}</td>
 <td>{{ row.says }}</td></tr>{% endfor %}</table></div>{% endif %}
 </main></body></html>
@@ -55,28 +55,30 @@ def _mrad(value: float) -> str:
     return plain(1e3 * value, 3) if math.isfinite(value) else "-"
 
 
-def plot_of(before: Tracked | None, after: Tracked | None) -> str:
-    """Reference and measured angles of both tests, as SVG."""
-    with mpl.rc_context(LOOK):
-        figure = Figure(figsize=(8.0, 3.0), layout="constrained")
-        axes = figure.subplots()
+def plot_of(before: Tracked | None, after: Tracked | None, width: float) -> Figure:
+    """Angles and errors of both tests in a width [in]; on the angles alone, the errors are lost."""
+    figure = Figure(figsize=(width, 4.6), layout="constrained")
+    angle, error = figure.subplots(2, sharex=True)
+    shown = [
+        (tracked.table, colour, label)
         for tracked, colour, label in (
-            (before, BEFORE, "rig file as it was"), (after, AFTER, "identified rig file"),
-        ):  # fmt: skip
-            if tracked is not None and len(tracked.table):
-                axes.plot(tracked.table["time"], tracked.table["position"], color=colour,
-                          label=label)  # fmt: skip
-        shown = after if after is not None and len(after.table) else before
-        if shown is not None and len(shown.table):
-            axes.plot(shown.table["time"], shown.table["reference"], color=ASKED, ls="--",
-                      label="reference")  # fmt: skip
-        axes.set_xlabel("time [s]")
-        axes.set_ylabel("angle [rad]")
-        axes.legend()
-        stream = io.StringIO()
-        figure.savefig(stream, format="svg", metadata={"Date": None})
-    text = stream.getvalue()
-    return text[text.index("<svg") :]
+            (before, BEFORE, "rig file as it was"),
+            (after, AFTER, "identified rig file"),
+        )
+        if tracked is not None and len(tracked.table)
+    ]
+    for table, colour, label in shown:
+        angle.plot(table["time"], table["position"], color=colour, label=label)
+        lost = 1e3 * (table["reference"] - table["position"])
+        error.plot(table["time"], lost, color=colour)
+    if shown:
+        table = shown[-1][0]
+        angle.plot(table["time"], table["reference"], color=ASKED, ls="--", label="reference")
+    error.set_xlabel("time [s]")
+    angle.set_ylabel("angle [rad]")
+    error.set_ylabel("error [mrad]")
+    figure.legend(loc="outside upper left", ncols=3 if width > 6.0 else 1)
+    return figure
 
 
 def render(joint: str, done: Commissioned) -> str:
@@ -99,13 +101,19 @@ def render(joint: str, done: Commissioned) -> str:
     if done.after is not None:
         summary = f"The joint tracks with {_mrad(done.after.rms)} mrad RMS."
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
-    return environment.from_string(_PAGE).render(
+    return environment.from_string(BREAKABLE + _PAGE).render(
         title=f"Commissioning of {joint}",
         style=STYLE,
         ended=done.ended,
         summary=summary,
         tests=tests,
-        plot=plot_of(done.before, done.after) if tests else "",
+        plot=picture(
+            partial(plot_of, done.before, done.after),
+            "Angle of the joint in the tracking tests, its reference and its error",
+            LOOK,
+        )
+        if tests
+        else "",
         steps=[
             {
                 "title": f"{step.motion}: {step.title}",

@@ -1,5 +1,7 @@
 """A port to a robot on ROS topics: valve commands go out, pressures and angles come in.
 
+The node runs in a process of its own, so that its loop goes on while numbers are identified.
+
 The driver must be active, and no controller may run. A loop sends the latest commands in every
 period; where nobody asks for more, because numbers are identified meanwhile, it sends the commands
 that vent. The muscles of other joints are vented all the time.
@@ -7,11 +9,16 @@ that vent. The muscles of other joints are vented all the time.
 
 from __future__ import annotations
 
+import contextlib
 import math
+import multiprocessing
+import os
+import signal
 import threading
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from multiprocessing.connection import Connection
 from typing import Any, Final
 
 import rclpy
@@ -35,6 +42,11 @@ MEASUREMENT_DELAY, COMMAND_DELAY = 0.001, 0.003  # s, the defaults of the contro
 MAX_AGE: Final = 0.1  # s, of a measurement
 IDLE: Final = 10.0  # periods without new commands, after which the muscles are vented
 FIRST: Final = 10.0  # s, for the first measurements
+START: Final = 60.0  # s, in which the process of the node must have measurements
+ANSWER: Final = 2.0  # s, in which it must answer
+END: Final = 10.0  # s, in which it must have vented and ended
+GONE: Final = "the process that sends the commands has ended"
+SILENT: Final = "the process that sends the commands does not answer"
 _SENSED = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
@@ -141,29 +153,8 @@ class RosPortNode(Node):  # type: ignore[misc]
 
 
 @contextmanager
-def open_ros_port(
-    rig: Rig, joint: str, period: float, namespace: str = ""
-) -> Iterator[RosPortNode]:
-    """A port to the robot in the ROS domain of this terminal; at its end the muscles are vented.
-
-    Parameters
-    ----------
-    rig : Rig
-        The whole robot.
-    joint : str
-        Name of the joint.
-    period : float
-        Of the commands [s].
-    namespace : str
-        Of the robot's nodes.
-
-    Raises
-    ------
-    PamError
-        If no measurements arrive.
-    """
-    start_ros([])
-    node = RosPortNode(rig, joint, period, namespace)
+def _spinning(node: RosPortNode) -> Iterator[None]:
+    """Deliver messages and send commands as long as the context lasts; at its end, vent."""
     executor = EventsExecutor()
     executor.add_node(node)
     going_on = True
@@ -179,12 +170,118 @@ def open_ros_port(
     spinning.start()
     node.loop.start()
     try:
-        node.wait_for_measurements()
-        yield node
+        yield
     finally:
-        time.sleep(2.0 * IDLE * period)  # the loop sends what vents
+        time.sleep(2.0 * IDLE * node.period)  # the loop sends what vents
         node.loop.stop()
         going_on = False
         spinning.join(2.0)
         end_node(node, executor)
         rclpy.try_shutdown()
+
+
+def _serve(answers: Connection, rig: Rig, joint: str, period: float, namespace: str) -> None:
+    """Run a node for another process, which sends commands and gets readings, until it ends.
+
+    Ctrl-C reaches this process, too; the other one decides what follows, and the air needs it.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        start_ros([])
+        node = RosPortNode(rig, joint, period, namespace)
+        with _spinning(node):
+            node.wait_for_measurements()
+            answers.send((node.measurement_delay, node.command_delay))
+            with contextlib.suppress(EOFError):
+                while True:
+                    answers.send(node.advance(answers.recv()))
+    except PamError as error:
+        with contextlib.suppress(OSError):
+            answers.send(str(error))
+    except OSError:  # the other process has ended
+        return
+
+
+class RosPort:
+    """A port whose node runs in a process of its own.
+
+    Numbers are identified and motions planned for many seconds between two motions. In one process
+    with the node they would keep the commands from being sent, and the driver would vent.
+
+    Parameters
+    ----------
+    answers : Connection
+        To the process of the node.
+    period : float
+        Of the commands [s].
+    """
+
+    def __init__(self, answers: Connection, period: float) -> None:
+        self.period = period
+        self._answers = answers
+        self.measurement_delay, self.command_delay = self._received(START)
+
+    def _received(self, longest: float) -> Any:
+        try:
+            found = self._answers.recv() if self._answers.poll(longest) else SILENT
+        except (EOFError, OSError):
+            found = GONE
+        if isinstance(found, str):
+            raise PamError(found)
+        return found
+
+    def advance(self, commands: Sequence[float]) -> JointReading:
+        """As of every `RobotPort`: sends the commands in the next turn of the loop.
+
+        Raises
+        ------
+        PamError
+            When the node has ended, or one of its callbacks failed.
+        """
+        try:
+            self._answers.send([float(value) for value in commands])
+        except OSError:
+            raise PamError(GONE) from None
+        reading: JointReading = self._received(ANSWER)
+        return reading
+
+
+@contextmanager
+def open_ros_port(
+    rig: Rig, joint: str, period: float, namespace: str = "", niceness: int = 0
+) -> Iterator[RosPort]:
+    """A port to the robot in the ROS domain of this terminal; at its end the muscles are vented.
+
+    Parameters
+    ----------
+    rig : Rig
+        The whole robot.
+    joint : str
+        Name of the joint.
+    period : float
+        Of the commands [s].
+    namespace : str
+        Of the robot's nodes.
+    niceness : int
+        Added to that of this process, which computes between two motions, but not to that of the
+        node: driver and commands must not be held up.
+
+    Raises
+    ------
+    PamError
+        If no measurements arrive.
+    """
+    here, there = multiprocessing.Pipe()
+    process = multiprocessing.get_context("spawn").Process(
+        target=_serve, args=(there, rig, joint, period, namespace), name="commission", daemon=True
+    )
+    process.start()
+    there.close()
+    os.nice(niceness)
+    try:
+        yield RosPort(here, period)
+    finally:
+        here.close()
+        process.join(END)
+        if process.is_alive():
+            process.kill()

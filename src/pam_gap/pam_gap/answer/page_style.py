@@ -17,9 +17,10 @@ PLOT_LOOK: Final[dict[str, Any]] = {
 
 STYLE = """
  :root { color-scheme: light dark; --ink: #1c1c1c; --quiet: #555; --paper: #fff; --box: #f4f4f4;
-         --line: #ccc; }
+         --line: #ccc; --edge: #8886; }
  @media (prefers-color-scheme: dark) {
-  :root { --ink: #eee; --quiet: #b5b5b5; --paper: #16181b; --box: #24272b; --line: #4a4f55; } }
+  :root { --ink: #eee; --quiet: #b5b5b5; --paper: #16181b; --box: #24272b; --line: #4a4f55;
+          --edge: #aaa6; } }
  body { font: 16px/1.5 system-ui, sans-serif; max-width: 62rem; margin: 2rem auto; padding: 0 1rem;
         color: var(--ink); background: var(--paper); overflow-wrap: anywhere; }
  .verdict { border-left: .5rem solid var(--verdict, #6b7280); background: var(--box);
@@ -30,7 +31,14 @@ STYLE = """
  h2 { margin-top: 2.2rem; border-bottom: 1px solid var(--line); }
  figure { margin: 1rem 0; } figcaption { color: var(--quiet); font-size: .92rem; }
  summary { cursor: pointer; margin: .4rem 0; }
- .wide { overflow-x: auto; }
+ .wide { overflow-x: auto;
+         background: linear-gradient(to left, transparent, var(--paper) 2rem) left,
+         linear-gradient(to right, transparent, var(--paper) 2rem) right,
+         linear-gradient(to right, var(--edge), transparent) left,
+         linear-gradient(to left, var(--edge), transparent) right;
+         background-repeat: no-repeat;
+         background-size: 3rem 100%, 3rem 100%, .8rem 100%, .8rem 100%;
+         background-attachment: local, local, scroll, scroll; }
  table { border-collapse: collapse; font-size: .92rem; } td, th { padding: .2rem .8rem .2rem 0;
  text-align: left; vertical-align: top; overflow-wrap: normal; }
  .n { text-align: right; font-variant-numeric: tabular-nums; white-space: nowrap; }
@@ -45,12 +53,22 @@ STYLE = """
  code { background: var(--box); padding: 0 .25rem; }
  .quiet { color: var(--quiet); }
  @media (max-width: 40rem) { body { margin: .6rem auto; padding: 0 .7rem; }
+  table { font-size: .78rem; } td, th { padding-right: .5rem; }
+  td:first-child { min-width: 5.5rem; }
+  td:last-child:not(.n, .bar, :empty) { min-width: 11rem; } th.n { white-space: normal; }
   h1 { font-size: 1.2rem; margin-bottom: .4rem; }
   .verdict { padding: .6rem .8rem; font-size: 1.1rem; }
   .plot { margin: .6rem 0; } }
  @media print { body { margin: 0; } img { min-width: 0; } h2 { break-after: avoid; } }
 """
-"""Style sheet; `--verdict` is the colour of the bar next to the first sentence."""
+"""Style sheet; `--verdict` is the colour of the bar next to the first sentence.
+
+What is wider than the page scrolls, and is shaded where it goes on.
+"""
+
+BREAKABLE: Final = """{% macro breakable(name) %}{{ name | e | replace('.', '.<wbr>' | safe)
+| replace('_', '_<wbr>' | safe) }}{% endmacro %}"""
+"""For Jinja: a name that a narrow column may break behind its dots and lines, and nowhere else."""
 
 VERDICT_COLOURS = {
     "named": "#00798c",

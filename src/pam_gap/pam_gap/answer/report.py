@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,8 @@ import jinja2
 import matplotlib as mpl
 
 from pam_gap.answer.headline import LEAST_SHOWN, marginals
-from pam_gap.answer.page_style import STYLE, VERDICT_COLOURS, VERDICT_WORDS
+from pam_gap.answer.page_style import BREAKABLE, STYLE, VERDICT_COLOURS, VERDICT_WORDS
+from pam_gap.answer.plots_in_page import picture
 from pam_gap.answer.report_figures import (
     RankedCandidate,
     StageBar,
@@ -116,7 +118,7 @@ probability of a cause is the sum over all sets that contain it.</p></details>{%
 <tr><th>channel</th><th class="n">range</th><th class="n">error as written</th>
 <th class="n">re-tuned</th><th class="n">with the answer</th><th class="n">limit</th>
 <th>does it matter?</th></tr>
-{% for s in sizes %}<tr><td>{{ s.channel }}</td><td class="n">{{ s.motion }}</td>
+{% for s in sizes %}<tr><td>{{ breakable(s.channel) }}</td><td class="n">{{ s.motion }}</td>
 <td class="n">{{ s.before }}</td><td class="n">{{ s.retuned }}</td><td class="n">{{ s.after }}</td>
 <td class="n">{{ s.limit }}</td><td>{{ s.matters }}</td></tr>
 {% endfor %}</table></div>
@@ -137,8 +139,7 @@ below the limit, {{ limit }} of the range, does not matter; of what no effect ex
 {% endfor %}{% endfor %}</table></div>{% endif %}
 
 {% if d.stages %}<h2>Where the gap arises</h2>
-<figure><div class="wide" tabindex="0"><img alt="The chain of stages from valve to sensing, with
-the error of each as a multiple of its noise" src="{{ stages }}"></div>
+<figure>{{ stages | safe }}
 <figcaption>{{ stage_words }} Each stage is simulated from its measured
 inputs.</figcaption></figure>
 {% for s in d.stages if s.note %}<p class="quiet">{{ s.stage }}: {{ s.note }}</p>{% endfor %}
@@ -147,8 +148,7 @@ inputs.</figcaption></figure>
 the average squared error){{ ', ' if not loop.last }}{% endfor %}.</p>{% endif %}{% endif %}
 
 {% if ranking %}<h2>Which effect explains the gap</h2>
-<figure><div class="wide" tabindex="0"><img alt="Share of the gap that each candidate leaves, with
-intervals" src="{{ ranking }}"></div>
+<figure>{{ ranking | safe }}
 <figcaption>{{ ranking_words }} Best first, by the sum of the logarithms of the errors of all
 channels, so that a channel with small errors counts as well. The shares are of the RMS error of all
 together.</figcaption></figure>{% endif %}
@@ -159,14 +159,13 @@ together.</figcaption></figure>{% endif %}
 {% endif %}
 
 {% if diagnosis.gap and shrinkage %}<h2>How far the gap closes</h2>
-<figure><div class="wide" tabindex="0"><img alt="Error of each channel over its noise floor, as
-written and with the answer" src="{{ shrinkage }}"></div>
+<figure>{{ shrinkage | safe }}
 <figcaption>{{ shrinkage_words }}</figcaption></figure>{% endif %}
 {% if horizons %}<div class="wide" tabindex="0"><table>
-<tr><th>horizon</th><th>channel</th><th class="n">as written</th><th class="n">with the answer</th>
+<tr><th>channel</th><th>horizon</th><th class="n">as written</th><th class="n">with the answer</th>
 <th class="n">noise alone</th></tr>
 {% for h, channel, before, after, floor in horizons %}
-<tr><td>{{ h }}</td><td>{{ channel }}</td><td class="n">{{ before }}</td>
+<tr><td>{{ breakable(channel) }}</td><td>{{ h }}</td><td class="n">{{ before }}</td>
 <td class="n">{{ after }}</td><td class="n">{{ floor }}</td></tr>
 {% endfor %}</table></div>{% endif %}
 
@@ -296,7 +295,7 @@ def render(data: ReportData) -> str:
     blamed = _blamed_stages(diagnosis)
     answer = WITH_ANSWER if named else RETUNED
     has_shrinkage = bool(diagnosis["gap"]) and verdict != "not_identifiable"
-    return environment.from_string(_PAGE).render(
+    return environment.from_string(BREAKABLE + _PAGE).render(
         d=data,
         style=STYLE,
         diagnosis=diagnosis,
@@ -322,11 +321,30 @@ def render(data: ReportData) -> str:
         sizes=_size_rows(materiality),
         limit=percent(materiality.get("limit", 0.0)),
         limit_unexplained=percent(materiality.get("limit_unexplained", 0.0)),
-        stages=draw_stages(data.stages, blamed) if data.stages else "",
+        stages=picture(
+            partial(draw_stages, data.stages, blamed),
+            "The chain of stages from valve to sensing, with the error of each as a multiple of "
+            "its noise",
+            {},
+        )
+        if data.stages
+        else "",
         stage_words=stage_words(blamed, verdict),
-        ranking=draw_ranking(data.ranking, named) if data.ranking else "",
+        ranking=picture(
+            partial(draw_ranking, data.ranking, named),
+            "Share of the gap that each candidate leaves, with intervals",
+            {},
+        )
+        if data.ranking
+        else "",
         ranking_words=ranking_words(data.ranking) if data.ranking else "",
-        shrinkage=draw_shrinkage(diagnosis["gap"], answer) if has_shrinkage else "",
+        shrinkage=picture(
+            partial(draw_shrinkage, diagnosis["gap"], answer),
+            "Error of each channel over its noise floor, as written and with the answer",
+            {},
+        )
+        if has_shrinkage
+        else "",
         shrinkage_words=shrinkage_words(diagnosis["gap"], answer) if has_shrinkage else "",
         trace_words=[error_words(trace, channels) for trace in data.traces],
         horizons=[

@@ -1,4 +1,4 @@
-"""The still figures of the report, as data URLs.
+"""The still figures of the report, each for a desk and for a phone.
 
 Axes are in the units that people use (mrad, kPa). Only the stage that the verdict names is
 coloured, so that no other one looks like the cause. Legends name what is drawn, and nothing else.
@@ -6,18 +6,17 @@ coloured, so that no other one looks like the cause. Legends name what is drawn,
 
 from __future__ import annotations
 
-import base64
-import io
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from textwrap import wrap
 from typing import Any
 
 import matplotlib as mpl
-from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from pam_gap.answer.plots_in_page import NARROW, WIDE
 from pam_gap.answer.traces import IMPROVED, NOMINAL, WITH_ANSWER, WRITTEN
 from pam_gap.answer.user_units import percent, plain, spoken, told
 
@@ -52,47 +51,72 @@ class StageBar:
     note: str = ""
 
 
-def _svg(figure: Figure) -> str:
-    buffer = io.StringIO()
-    figure.savefig(buffer, format="svg")
-    plt.close(figure)
-    text = buffer.getvalue()
-    return "data:image/svg+xml;base64," + base64.b64encode(text.encode()).decode()
+def _is_narrow(width: float) -> bool:
+    return width < 0.5 * (NARROW + WIDE)
 
 
-def draw_stages(stages: Sequence[StageBar], blamed: Collection[str]) -> str:
-    """Draw the chain of stages, each with its gap over floor; only the blamed are coloured."""
-    figure, axis = plt.subplots(figsize=(9.5, 1.9), layout="constrained")
-    axis.set_xlim(0, len(STAGES) * 2.4)
-    axis.set_ylim(0, 1.5)
+def _label(name: str, width: float) -> str:
+    """A name in as many lines as a narrow figure needs beside its curves."""
+    if not _is_narrow(width):
+        return name
+    return name.replace(" + ", " +\n").replace(" (", "\n(").replace(".", ".\n")
+
+
+def _figure(width: float, rows: float, per_row: float) -> tuple[Figure, Axes]:
+    """A figure [in] with one axis, whose height grows with the lines of text in its rows."""
+    figure = Figure(figsize=(width, 1.0 + per_row * rows), layout="constrained")
+    return figure, figure.subplots()
+
+
+def draw_stages(stages: Sequence[StageBar], blamed: Collection[str], width: float = WIDE) -> Figure:
+    """Draw the chain of stages, each with its gap over floor; only the blamed are coloured.
+
+    They stand beside each other or, in a narrow figure, below each other.
+    """
+    across = not _is_narrow(width)
+    figure = Figure(figsize=(width, 1.9 if across else 5.4), layout="constrained")
+    axis = figure.subplots()
+    length = len(STAGES) * (2.4 if across else 1.5)
+    axis.set_xlim(0, length if across else 2.1)
+    axis.set_ylim(0 if across else -length + 1.5, 1.5)
     axis.axis("off")
     known = {s.stage: s for s in stages}
     for i, stage in enumerate(STAGES):
-        x = 0.1 + 2.4 * i
+        x, y = (2.4 * i, 0.0) if across else (0.0, -1.5 * i)
         entry = known.get(stage)
         gap = entry.gap_over_floor if entry else None
         is_named = stage in blamed
         box = mpl.patches.FancyBboxPatch(
-            (x, 0.3), 1.9, 0.9, boxstyle="round,pad=0.03",
+            (x + 0.1, y + 0.3), 1.9, 0.9, boxstyle="round,pad=0.03",
             facecolor=GUILTY if is_named else NEUTRAL,
             edgecolor=NOMINAL if is_named else "0.4", linewidth=3 if is_named else 1,
         )  # fmt: skip
         axis.add_patch(box)
         figures = "not measured alone" if gap is None else f"{plain(gap, 2)} × noise"
-        axis.text(x + 0.95, 0.95, stage, ha="center", va="center", weight="bold", fontsize=11)
-        axis.text(x + 0.95, 0.68, STAGE_FLOW[stage], ha="center", va="center", fontsize=8)
-        axis.text(x + 0.95, 0.43, figures, ha="center", va="center", fontsize=9)
+        for height, text, look in (
+            (0.95, stage, {"weight": "bold", "fontsize": 11}),
+            (0.68, STAGE_FLOW[stage], {"fontsize": 9}),
+            (0.43, figures, {"fontsize": 9}),
+        ):
+            axis.text(x + 1.05, y + height, text, ha="center", va="center", **look)
         if i + 1 < len(STAGES):
-            axis.annotate(
-                "", (x + 2.36, 0.75), (x + 1.97, 0.75), arrowprops={"arrowstyle": "->", "lw": 1.5}
+            start, end = (
+                ((x + 2.07, 0.75), (x + 2.46, 0.75))
+                if across
+                else ((1.05, y + 0.25), (1.05, y - 0.25))
             )
-    return _svg(figure)
+            axis.annotate("", end, start, arrowprops={"arrowstyle": "->", "lw": 1.5})
+    return figure
 
 
-def draw_ranking(ranking: Sequence[RankedCandidate], named: Sequence[str]) -> str:
+def draw_ranking(
+    ranking: Sequence[RankedCandidate], named: Sequence[str], width: float = WIDE
+) -> Figure:
     """Draw the share of the held-out gap that remains with each candidate, with intervals."""
     shown = list(ranking)[:14]
-    figure, axis = plt.subplots(figsize=(9.5, 0.8 + 0.3 * len(shown)), layout="constrained")
+    labels = [_label(spoken(entry.effect), width) for entry in shown]
+    lines = max((label.count("\n") + 1 for label in labels), default=1)
+    figure, axis = _figure(width, len(shown), 0.3 if lines == 1 else 0.16 * lines + 0.06)
     for row, entry in enumerate(shown):
         effects = {part.split(" (")[0] for part in entry.effect.split(" + ")}
         is_named = effects <= set(named)
@@ -104,22 +128,33 @@ def draw_ranking(ranking: Sequence[RankedCandidate], named: Sequence[str]) -> st
             1.01, row, percent(max(entry.remaining, 0.0)), transform=axis.get_yaxis_transform(),
             va="center", fontsize=8,
         )  # fmt: skip
-    axis.set_yticks(range(len(shown)), [spoken(c.effect) for c in shown])
+    axis.set_yticks(range(len(shown)), labels)
     axis.set_ylim(len(shown) - 0.4, -0.6)
     axis.set_xscale("log")
     axis.axvline(1.0, color="0.7", lw=1)
-    axis.set_xlabel(
-        "share of the gap that remains on held-out data, with 90 % interval\n"
-        "(1: the whole gap of the re-tuned rig file; above 1: worse than without the effect)"
+    words = (
+        "share of the gap that remains on held-out data, with 90 % interval",
+        "(1: the whole gap of the re-tuned rig file; above 1: worse than without the effect)",
     )
-    _ticks(axis, log_ticks(*axis.get_xlim()))
+    _name_axis(figure, axis, width, words)
+    _ticks(axis, log_ticks(*axis.get_xlim()), width)
     axis.grid(axis="x", color="0.9")
-    return _svg(figure)
+    return figure
+
+
+def _name_axis(figure: Figure, axis: Axes, width: float, words: Sequence[str]) -> None:
+    """Name the x axis; in a narrow figure over its whole width, because labels take half of it."""
+    if _is_narrow(width):
+        figure.supxlabel("\n".join(line for text in words for line in wrap(text, 58)), fontsize=8)
+    else:
+        axis.set_xlabel("\n".join(words))
 
 
 LEAST_REMAINING = 1e-3
 """Smallest share that the logarithmic axis of the ranking shows."""
 MOST_TICKS = 9
+MOST_NARROW = 5
+"""Numbers below an axis of a narrow figure, beside the first and the last one."""
 
 
 def log_ticks(low: float, high: float) -> list[float]:
@@ -139,17 +174,22 @@ def log_ticks(low: float, high: float) -> list[float]:
     return inside if len(inside) > 1 else [10.0**first, 10.0 ** max(last, first + 1)]
 
 
-def _ticks(axis: Axes, ticks: Sequence[float]) -> None:
+def _ticks(axis: Axes, ticks: Sequence[float], width: float) -> None:
     """Plain numbers at these places of the x axis alone, which reaches to the outermost of them."""
     low, high = axis.get_xlim()
+    every = -(-len(ticks) // MOST_NARROW) if _is_narrow(width) else 1
+    kept = ticks[(len(ticks) - 1) % every :: every]  # the last one among them
+    ticks = kept if len(kept) > 1 else ticks
     axis.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
     axis.set_xticks([], minor=True)
     axis.set_xlim(min(low, ticks[0]), max(high, ticks[-1]))
 
 
-def draw_shrinkage(gap: Mapping[str, Mapping[str, Any]], answer: str = WITH_ANSWER) -> str:
+def draw_shrinkage(
+    gap: Mapping[str, Mapping[str, Any]], answer: str = WITH_ANSWER, width: float = WIDE
+) -> Figure:
     """Draw the error of each channel as written and with the answer, relative to its floor."""
-    figure, axis = plt.subplots(figsize=(9.5, 1.0 + 0.55 * len(gap)), layout="constrained")
+    figure, axis = _figure(width, len(gap), 0.55 if not _is_narrow(width) else 0.7)
     for row, entry in enumerate(gap.values()):
         floor = max(float(entry["floor"]), 1e-300)
         for key, offset, colour in (("before", -0.18, NOMINAL), ("after", 0.18, IMPROVED)):
@@ -164,11 +204,13 @@ def draw_shrinkage(gap: Mapping[str, Mapping[str, Any]], answer: str = WITH_ANSW
                 fontsize=8,
             )  # fmt: skip
     axis.axvline(1.0, color="0.2", ls="--", lw=1, label="noise alone")
-    axis.set_yticks(range(len(gap)), list(gap))
+    axis.set_yticks(range(len(gap)), [_label(channel, width) for channel in gap])
     axis.invert_yaxis()
     axis.set_xscale("symlog", linthresh=1.0)
-    axis.margins(x=0.25)
-    _ticks(axis, [0.0, *log_ticks(1.0, max(axis.get_xlim()[1], 1.0))])
-    axis.set_xlabel("RMS error, noise included, over noise floor, on held-out data")
-    figure.legend(*axis.get_legend_handles_labels(), loc="outside upper right", ncols=3)
-    return _svg(figure)
+    axis.margins(x=0.25 if not _is_narrow(width) else 0.5)
+    _ticks(axis, [0.0, *log_ticks(1.0, max(axis.get_xlim()[1], 1.0))], width)
+    words = ("RMS error, noise included, over noise floor, on held-out data",)
+    _name_axis(figure, axis, width, words)
+    columns = 3 if not _is_narrow(width) else 1
+    figure.legend(*axis.get_legend_handles_labels(), loc="outside upper right", ncols=columns)
+    return figure

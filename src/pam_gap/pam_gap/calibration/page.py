@@ -7,7 +7,7 @@ from pathlib import Path
 import jinja2
 import numpy as np
 
-from pam_gap.answer.page_style import STYLE
+from pam_gap.answer.page_style import BREAKABLE, STYLE
 from pam_gap.answer.traces import Trace, draw
 from pam_gap.answer.user_units import plain, told
 from pam_gap.calibration.answer import STATUS, interval_words, sentence, what_would_help
@@ -29,7 +29,7 @@ _PAGE = """<!doctype html>
 <div class="wide" tabindex="0"><table>
 <tr><th>number</th><th class="n">as written</th><th class="n">now</th>
 <th class="n">90 % interval</th><th>unit</th><th>stage</th><th>what this log says</th></tr>
-{% for row in rows %}<tr><td>{{ row.key }}</td><td class="n">{{ row.written }}</td>
+{% for row in rows %}<tr><td>{{ breakable(row.key) }}</td><td class="n">{{ row.written }}</td>
 <td class="n">{{ row.value }}</td><td class="n">{{ row.interval }}</td><td>{{ row.unit }}</td>
 <td>{{ row.stage }}</td><td>{{ row.says }}</td></tr>
 {% endfor %}</table></div>
@@ -38,10 +38,11 @@ volumes all grow with the pull of the muscles. The interval in brackets holds if
 pressure is right, which only measured forces or a known weight determine. The motion that this rig
 file predicts does not depend on it.</p>{% endif %}
 {% if figures %}<h2>Prediction of {{ withheld }}</h2>
-<div class="wide" tabindex="0"><table><tr><th>horizon</th><th>channel</th>
+<div class="wide" tabindex="0"><table><tr><th>channel</th><th>horizon</th>
 <th class="n">as written</th><th class="n">calibrated</th><th class="n">noise alone</th></tr>
-{% for f in figures %}<tr><td>{{ f[0] }}</td><td>{{ f[1] }}</td><td class="n">{{ f[2] }}</td>
-<td class="n">{{ f[3] }}</td><td class="n">{{ f[4] }}</td></tr>{% endfor %}</table></div>{% endif %}
+{% for f in figures %}<tr><td>{{ breakable(f[1]) }}</td><td>{{ f[0] }}</td>
+<td class="n">{{ f[2] }}</td><td class="n">{{ f[3] }}</td><td class="n">{{ f[4] }}</td></tr>
+{% endfor %}</table></div>{% endif %}
 {% if no_plots %}<p class="quiet">There are no plots here: {{ no_plots }}.</p>{% endif %}
 {% if drawn %}<h2>Measured and predicted</h2>
 {% for trace in traces %}<figure class="plot"><b>{{ trace.channel }}: measured and predicted</b>
@@ -111,7 +112,7 @@ def render(calibration: Calibration, withheld: str) -> str:
             if not no_plots:
                 raise
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
-    return environment.from_string(_PAGE).render(
+    return environment.from_string(BREAKABLE + _PAGE).render(
         title=f"Calibration of {calibration.joint}",
         style=STYLE,
         refused=bool(calibration.refused),

@@ -39,7 +39,6 @@ from pam_model.rig.partial import PartialRig
 
 GAS_SETTINGS = PredictionSettings(follow_motion=True)
 BODY_SETTINGS = PredictionSettings(follow_pressures=True)
-OF_GAS = ("dead_volume", "sonic_conductance", "critical_ratio", "time_constant")
 
 
 def motion_records(problem: PredictionProblem) -> list[MotionRecord]:

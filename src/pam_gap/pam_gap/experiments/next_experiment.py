@@ -263,11 +263,12 @@ class Proposal:
     def sentence(self) -> str:
         """The instruction, as text."""
         best = self.best
+        times = f"{float(f'{best.in_noise:.3g}'):g}"  # 2610, not 2.61e+03
         words = (
             f"{best.excitation.name}: {best.excitation.instruction} "
             f"({best.excitation.duration:.0f} s; files in {FOLDER}/). The predictions of "
             f"{best.closest[0]} and {best.closest[1]}, the two closest hypotheses, should then "
-            f"differ by {best.in_noise:.3g} times the noise after each has been fitted again."
+            f"differ by {times} times the noise after each has been fitted again."
         )
         if not best.is_decisive:
             words += (

@@ -19,12 +19,11 @@ from pam_gap.prediction.fit import Array, FreeParameter
 from pam_gap.rules import DEFAULT
 from pam_gap.rules.search_rules import SearchRules
 from pam_model.effects import EFFECTS, Effect, Range, RigScales
-from pam_model.plant.force_table import closed_form
 from pam_model.plant.layout import MUSCLES as SIDES
-from pam_model.rig import Joint, Muscle, Rig
-
-LENGTHS = ("thread_length", "turns", "neutral_length", "wall_thickness")
-"""Numbers of a muscle that `length_tolerance` of the rig file concerns."""
+from pam_model.plant.written_numbers import written_numbers
+from pam_model.rig import Joint, Rig
+from pam_model.robot import compose
+from pam_model.views.effect_scales import effect_scales
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,29 +79,8 @@ class Candidate:
 
 def rig_scales(rig: Rig, joint: Joint) -> RigScales:
     """Quantities by which the size of an effect is measured on this rig."""
-    muscle = rig.muscle(joint.agonist)
-    area = (3.0 * muscle.neutral_length**2 - muscle.thread_length**2) / (
-        4.0 * math.pi * muscle.turns**2
-    )
-    span = muscle.thread_length**2 - muscle.neutral_length**2
-    volume = muscle.neutral_length * span / (4.0 * math.pi * muscle.turns**2)
-    pressure = 0.4 * (rig.supply_pressure - rig.gas.ambient_pressure)
-    forms = [closed_form(rig.muscle(name)) for name in joint.muscles]
-    return RigScales(
-        flow=muscle.valve.sonic_conductance,
-        volume=volume + muscle.dead_volume,
-        force=max(abs(area), 1e-6) * pressure,
-        torque=joint.pulley_radius * max(abs(area), 1e-6) * pressure,
-        stroke=max(abs(muscle.rest_length - muscle.neutral_length), 0.02 * muscle.rest_length),
-        pressure=pressure,
-        reach=pressure * muscle.neutral_length,
-        viscous_friction=joint.viscous_friction,
-        gravity_torque=joint.gravity_torque,
-        contraction_factor=max(form[1] if form is not None else 1.0 for form in forms),
-        is_regulated=all(
-            rig.muscle(name).valve.kind == "pressure_regulator" for name in joint.muscles
-        ),
-    )
+    robot = compose(rig)
+    return effect_scales(robot, robot.joint(joint.name))
 
 
 def _candidate(
@@ -252,27 +230,7 @@ def nuisances_for(
     rules: SearchRules = DEFAULT.search,
     sides: Sequence[str] = SIDES,
 ) -> tuple[Nuisance, ...]:
-    """One nuisance parameter for each nominal value, within its tolerance; none for tolerance 0.
-
-    On a bench (one side), nothing of the invented joint is one, nor is the neutral length, from
-    which the measured length is counted.
-    """
-    tolerance = rig.parameter_tolerance
-    of_lengths = tolerance if rig.length_tolerance is None else rig.length_tolerance
-    found: list[tuple[str, float]] = [("supply_pressure", tolerance)]
-    for key in ("pulley_radius", "inertia", "viscous_friction", "gravity_torque", "gravity_angle"):
-        if len(sides) > 1 and getattr(joint, key) != 0.0:
-            found.append((f"joint.{key}", of_lengths if key == "pulley_radius" else tolerance))
-    muscles: tuple[Muscle, ...] = tuple(rig.muscle(name) for name in joint.muscles)
-    lengths = [key for key in LENGTHS if len(sides) > 1 or key != "neutral_length"]
-    for side, muscle in zip(sides, muscles, strict=False):
-        for key in lengths:
-            if getattr(muscle, key) != 0.0:
-                found.append((f"{side}.{key}", of_lengths))
-        if muscle.dead_volume != 0.0:
-            found.append((f"{side}.dead_volume", tolerance))
-        for key in ("sonic_conductance", "critical_ratio", "time_constant"):
-            found.append((f"{side}.valve.{key}", tolerance))
+    """One nuisance parameter for each nominal value, within its tolerance; none for tolerance 0."""
     return tuple(
         Nuisance(
             FreeParameter(
@@ -286,7 +244,7 @@ def nuisances_for(
             (name,),
             is_factor=True,
         )
-        for name, reach in found
+        for name, reach in written_numbers(rig, joint, sides)
         if reach > 0.0
     )
 

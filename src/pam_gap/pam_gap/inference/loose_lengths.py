@@ -16,13 +16,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import expit
 
-from pam_gap.inference.candidates import LENGTHS
 from pam_gap.inference.decision import Judge
 from pam_gap.inference.hypothesis import Hypothesis, HypothesisFitter
 from pam_gap.inference.score import Score
 from pam_gap.prediction.fit import mean_squares
 from pam_gap.rules import DEFAULT
 from pam_gap.rules.search_rules import SearchRules
+from pam_model.plant.written_numbers import LENGTHS
 from pam_model.rig import Rig
 
 

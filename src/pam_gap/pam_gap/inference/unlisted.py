@@ -30,10 +30,10 @@ from pam_gap.prediction.channel_order import POSITION
 from pam_gap.prediction.channels import Channels
 from pam_gap.prediction.end_stop import EndStop, end_stop
 from pam_gap.prediction.fit import Array
-from pam_gap.prediction.lever_arm import LeverArm
 from pam_gap.prediction.linear_terms import LinearTerms
 from pam_gap.prediction.problem import PredictionProblem
 from pam_gap.rules import Rules
+from pam_model.plant.lever_arm import LeverArm
 
 LARGEST = 1000.0
 """Bound of an amount, in the largest ordinary sizes."""

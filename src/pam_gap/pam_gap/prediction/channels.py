@@ -9,7 +9,6 @@ import numpy.typing as npt
 
 from pam_gap.prediction.channel_order import BOTH_PRESSURES, N_CHANNELS, POSITION
 from pam_gap.prediction.fit import Array
-from pam_gap.prediction.lever_arm import ROUND, LeverArm
 from pam_gap.recordings.noise_floor import ChannelNoise, noise_floor
 from pam_gap.recordings.recording import (
     COMMANDS,
@@ -23,7 +22,10 @@ from pam_gap.recordings.recording import (
 )
 from pam_gap.recordings.still_channels import finest_deviations
 from pam_gap.rules import DEFAULT, Rules
+from pam_model.plant.lever_arm import ROUND, LeverArm
 from pam_model.rig import Rig
+from pam_model.robot import compose
+from pam_model.views.air_drawn import air_drawn
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +52,9 @@ class Channels:
         `silent` channels of a recording are known but not compared.
     external : ndarray, shape (N,) or None
         External torque on the joint [N m]; None if it was not recorded.
+    drawn : ndarray, shape (N, 2) or None
+        What the muscles of other joints draw from the supply that all share, see
+        `pam_model.views.air_drawn`; None if nothing is known of it.
     arm : LeverArm
         Lever arm of the pulley; by default that of a round one with the stated radius.
     """
@@ -63,6 +68,7 @@ class Channels:
     has_commands: bool
     votes: npt.NDArray[np.bool_]
     external: Array | None = None
+    drawn: Array | None = None
     arm: LeverArm = ROUND
 
 
@@ -128,7 +134,34 @@ def joint_channels(recording: Recording, rig: Rig, joint: int, rules: Rules = DE
         has_commands,
         votes,
         torque,
+        drawn_by_others(recording, rig, joint),
     )
+
+
+def drawn_by_others(recording: Recording, rig: Rig, joint: int) -> Array | None:
+    """What the muscles of the other joints draw, as in `Channels.drawn`."""
+    own = rig.joints[joint].muscles
+    others = [name for one in rig.joints for name in one.muscles if name not in own]
+    others = [
+        name
+        for name in others
+        if recording.has(f"{COMMANDS}{name}") and recording.has(f"{PRESSURES}{name}")
+    ]
+    if not others or recording.mounting == SHUT:
+        return None
+    robot = compose(rig)
+    rows = [
+        air_drawn(
+            robot,
+            robot.muscle(name),
+            recording.values[f"{COMMANDS}{name}"],
+            recording.values[f"{PRESSURES}{name}"],
+            recording.sample_time,
+        )
+        for name in others
+    ]
+    total: Array = np.sum(rows, axis=0)
+    return total
 
 
 def block_means(values: Array, block: int) -> Array:

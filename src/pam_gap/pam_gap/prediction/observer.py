@@ -40,7 +40,9 @@ from pam_model.plant.lane_twins import Off
 from pam_model.plant.layout import (
     AGONIST,
     C_AMBIENT,
+    C_DRAWN,
     C_EXTERNAL,
+    C_SUPPLY,
     M_TUBE,
     N_MUSCLE_CONSTANTS,
     N_MUSCLE_STATES,
@@ -50,6 +52,7 @@ from pam_model.plant.layout import (
     Y_AGONIST,
     Y_ANTAGONIST,
     Y_POSITION,
+    Y_RESERVOIR,
     Y_VELOCITY,
 )
 from pam_model.plant.sensors import (
@@ -87,6 +90,7 @@ def start_sample(
     shown: Any,
     history: Any,
     external: Any,
+    drawn: Any,
     restart: Any,
     k: int,
     anew: bool,
@@ -96,6 +100,8 @@ def start_sample(
     history[k] = y[Y_POSITION]
     if len(external) > 0:
         c[C_EXTERNAL] = external[k]
+    if len(drawn) > 0:
+        c[C_DRAWN] = max(drawn[k, 0] + drawn[k, 1] * (y[Y_RESERVOIR] - c[C_SUPPLY]), 0.0)
     if anew or window in (FOLLOW_MOTION, FOLLOW_BOTH):
         y[Y_POSITION] = restart[k, POSITION] - sensors[K_OFFSET]
         y[Y_VELOCITY] = restart[k, SPEED]
@@ -200,6 +206,7 @@ def _observe(
     measured: Any,
     known: Any,
     external: Any,
+    drawn: Any,
     shut: bool,
     sample_time: float,
     steps: int,
@@ -227,7 +234,7 @@ def _observe(
         total = totals[k // block]
         anew = window > 0 and k % window == 0
         start_sample_lanes(
-            active, c, sensors, y, shown, history, external, restart, k, anew, window
+            active, c, sensors, y, shown, history, external, drawn, restart, k, anew, window
         )
         correct_pressures_lanes(
             active, c, sensors, y, shown, total, measured, known, k, gains[FADE]
@@ -275,6 +282,7 @@ def observe(
     window: int = 0,
     restart: Array | None = None,
     external: Array | None = None,
+    drawn: Array | None = None,
     shut: bool = False,
     block: int = 4,
     catch_time: float = 1.0,
@@ -312,6 +320,8 @@ def observe(
         Measured pressures [Pa], position [rad] and speed [rad/s] for such a reset.
     external : ndarray, shape (N,), optional
         External torque on the joint [N m].
+    drawn : ndarray, shape (N, 2), optional
+        What others draw from the same reservoir, see `pam_model.views.air_drawn`.
     shut : bool
         Whether the valves are shut.
     block : int
@@ -366,6 +376,7 @@ def observe(
             measured,
             known,
             np.zeros(0) if external is None else external,
+            np.zeros((0, 2)) if drawn is None else drawn,
             shut,
             sample_time,
             group.steps,

@@ -47,14 +47,13 @@ from pam_model.plant.layout import (
     Y_RESERVOIR,
 )
 from pam_model.plant.layout import MUSCLES as SIDES
+from pam_model.plant.mounting import locked, turned_over
 from pam_model.plant.parameters import INDEX, PlantParameters
 from pam_model.plant.sensors import K_BIAS, K_GAIN, K_OFFSET, N_MUSCLE_SENSORS, sensor_constants
 from pam_model.rig import Rig
 
 DIVERGED = 1e6
 """Largest error of a prediction in units of the noise, and that of a simulation that diverges."""
-LOCKED_INERTIA = 1e9  # kg m^2, of a joint that is locked
-LOCKED_DECAY = 100.0  # 1/s, decay of the speed that the correction of the position causes
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,15 +89,9 @@ AS_FITTED = PredictionSettings()
 
 def as_mounted(values: Array, mounting: str) -> Array:
     """Parameter vectors (lanes, n_parameters), changed for the mounting during one recording."""
-    if not mounting:
-        return values
-    mounted: Array = np.array(values)
     if mounting == TURNED_OVER:
-        mounted[:, INDEX["joint.gravity_angle"]] += np.pi
-    elif mounting == LOCKED:
-        mounted[:, INDEX["joint.inertia"]] = LOCKED_INERTIA
-        mounted[:, INDEX["joint.viscous_friction"]] = LOCKED_DECAY * LOCKED_INERTIA
-    return mounted
+        return turned_over(values)
+    return locked(values) if mounting == LOCKED else values
 
 
 def initial_state(constants: Array, sensors: Array, tables: object, data: Channels) -> Array:
@@ -275,6 +268,7 @@ class PredictionProblem:
                 if settings.window_time > 0.0 or window
                 else None,
                 external=data.external,
+                drawn=data.drawn,
                 shut=followed or data.recording.mounting == SHUT,
                 block=self.block,
                 catch_time=rules.catch_time,

@@ -21,8 +21,8 @@ from pam_model.errors import PamError
 from pam_model.muscle_sizes import SIZES
 from pam_ros.program_name import PROGRAM
 
-OF_SIZE = ("diameter", "angle")
-"""What a size that can be bought answers."""
+OF_BRAID = ("diameter", "angle")
+"""What a size that can be bought answers, or the threads do."""
 FLOW, REGULATOR = "flow", "pressure_regulator"
 
 
@@ -111,10 +111,18 @@ def _declare(parser: Parser) -> None:
         help=f"a muscle that can be bought, in place of diameter and angle: {', '.join(SIZES)}",
     )  # fmt: skip
     for question in QUESTIONS:
+        also = ["--rest-length"] if question.name == "length" else []  # as other commands call it
         parser.add_argument(
-            option_of(question), type=question.read, metavar="X",
+            option_of(question), *also, type=question.read, metavar="X", dest=question.name,
             help=f"{question.text} (default: {question.default})",
         )  # fmt: skip
+    parser.add_argument(
+        "--thread-length", type=number("m", above=0.0), metavar="X",
+        help="b of a thread, with --turns in place of diameter and angle [m]",
+    )  # fmt: skip
+    parser.add_argument(
+        "--turns", type=number("-", above=0.0), metavar="X", help="n of this thread [-]"
+    )
 
 
 def ask(question: Question, default: str) -> Any:
@@ -161,15 +169,22 @@ def _default(question: Question, answers: dict[str, Any], size: str | None) -> s
 
 
 def _run(chosen: Arguments) -> Outcome:
-    from pam_model.rig import load_rig  # noqa: PLC0415  (numpy)
+    from pam_model.muscles.force_model import MuscleGeometry  # noqa: PLC0415  (numpy)
+    from pam_model.rig import load_rig  # noqa: PLC0415
     from pam_model.rig.from_datasheet import BraidFromDatasheet  # noqa: PLC0415
     from pam_model.rig.new_rig import NewRig  # noqa: PLC0415
 
     if chosen.size is not None and (chosen.diameter, chosen.angle) != (None, None):
         raise PamError("--size states diameter and angle: expected --size, or these two numbers")
+    threads = (chosen.thread_length, chosen.turns)
+    has_threads = threads != (None, None)
+    if has_threads and (None in threads or (chosen.diameter, chosen.angle) != (None, None)):
+        raise PamError("--thread-length and --turns state both the braid's diameter and angle")
+    if has_threads and chosen.size is not None:
+        raise PamError("--size states the threads: expected --size, or --thread-length and --turns")
     answers = {question.name: getattr(chosen, question.name) for question in QUESTIONS}
     for question in QUESTIONS:
-        if chosen.size is not None and question.name in OF_SIZE:
+        if (chosen.size is not None or has_threads) and question.name in OF_BRAID:
             continue
         if answers[question.name] is None:
             default = _default(question, answers, chosen.size)
@@ -178,6 +193,9 @@ def _run(chosen: Arguments) -> Outcome:
     diameter, length, angle = (answers.pop(name) for name in ("diameter", "length", "angle"))
     if chosen.size is not None:
         braid = BraidFromDatasheet.of_size(chosen.size, length)
+    elif has_threads:
+        geometry = MuscleGeometry(chosen.thread_length, chosen.turns, length)
+        braid = BraidFromDatasheet.of_geometry(geometry)
     else:
         braid = BraidFromDatasheet.measured(diameter, length, math.radians(angle))
     text = NewRig(braid=braid, **answers).text()

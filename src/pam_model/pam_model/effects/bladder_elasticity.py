@@ -75,8 +75,8 @@ EFFECT = Effect(
     "stays constant beyond its maximum",
     source="polynomial elastic force",
     parameters={
-        "linear": EffectParameter("k_1", "N/m", 0.0, 0.0, 1e5, "linear stiffness"),
-        "cubic": EffectParameter("k_3", "N/m^3", 0.0, -1e9, 1e9, "cubic term; negative: softening"),
+        "linear": EffectParameter("k_1", "N/m", 0.0, 0.0, 1e8, "linear stiffness"),
+        "cubic": EffectParameter("k_3", "N/m^3", 0.0, -1e12, 1e12, "cubic; negative: softening"),
     },
     slots=(PassivePull(pull_at_length),),
     control=Included("included in the muscle force and inverted exactly"),

@@ -38,7 +38,7 @@ EFFECT = Effect(
     "P b L/(2 pi n^2 N_t): c_b = b_0/(2 pi n^2 N_t EA)",
     parameters={
         "compliance": EffectParameter(
-            "c_b", "1/(Pa m)", 0.0, 0.0, 1e-6, "thread strain per pressure and length"
+            "c_b", "1/(Pa m)", 0.0, 0.0, 1e-4, "thread strain per pressure and length"
         )
     },
     slots=(Thread(stretched_thread),),

@@ -32,7 +32,7 @@ EFFECT = Effect(
     law="torque = -T_c z, dz = (1 - sign(dq) z) dq/q_p (Dahl); q_p = 0: z = sign(qd)",
     source="Coulomb friction; presliding: Dahl, A solid friction model (1968)",
     parameters={
-        "torque": EffectParameter("T_c", "N m", 0.0, 0.0, 100.0, "magnitude"),
+        "torque": EffectParameter("T_c", "N m", 0.0, 0.0, 1000.0, "magnitude"),
         "presliding_angle": EffectParameter(
             "q_p", "rad", 0.0, 0.0, 0.1, "elastic rotation before sliding", True
         ),

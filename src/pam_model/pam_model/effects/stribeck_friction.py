@@ -54,8 +54,8 @@ EFFECT = Effect(
     law="torque = -(T_c + (T_s - T_c) exp(-(qd/w_s)^2)) z; z as in coulomb_friction",
     source="Stribeck curve; presliding: Dahl, A solid friction model (1968)",
     parameters={
-        "static_torque": EffectParameter("T_s", "N m", 0.0, 0.0, 100.0, "at rest; T_c if smaller"),
-        "torque": EffectParameter("T_c", "N m", 0.0, 0.0, 100.0, "at speed"),
+        "static_torque": EffectParameter("T_s", "N m", 0.0, 0.0, 1000.0, "at rest; T_c if smaller"),
+        "torque": EffectParameter("T_c", "N m", 0.0, 0.0, 1000.0, "at speed"),
         "speed": EffectParameter("w_s", "rad/s", 0.1, 1e-3, 10.0, "Stribeck speed", True),
         "presliding_angle": EffectParameter(
             "q_p", "rad", 0.0, 0.0, 0.1, "elastic rotation before sliding", True

@@ -83,7 +83,7 @@ EFFECT = Effect(
             "W/K",
             0.0,
             0.0,
-            1e3,
+            1e4,
             "gas to wall; exactly 0 keeps the nominal polytropic chamber, a small value "
             "(1e-6) is adiabatic, a large value isothermal",
         )

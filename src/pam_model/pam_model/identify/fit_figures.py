@@ -24,7 +24,7 @@ _POINTS = 200
 
 
 def draw_fit(result: FitResult, data: Measurements) -> Figure:
-    """Measured points with the model, and the held-out residual of every point."""
+    """Measured points with the model, and at every point the held-out model minus the measured."""
     figure, (left, right) = new_figure(2)
     _draw_points(left, data, [result])
     scale, unit = _scale(result.unit)
@@ -33,8 +33,11 @@ def draw_fit(result: FitResult, data: Measurements) -> Figure:
         right.plot(data.pressure[mask] / 1e5, scale * result.held_out[mask], ".", ms=4, label=block)
     right.axhline(0.0, color="0.4", linewidth=0.7)
     right.set_xlabel("gauge pressure [bar]")
-    right.set_ylabel(f"held-out model minus measured [{unit}]")
-    right.legend(fontsize="x-small", title="held-out block", title_fontsize="x-small")
+    right.set_ylabel(f"held-out error [{unit}]")
+    figure.legend(  # beside the points, of which it would hide some
+        *right.get_legend_handles_labels(), loc="outside right upper", fontsize="x-small",
+        title="held-out\nblock", title_fontsize="x-small",
+    )  # fmt: skip
     figure.suptitle(f"{result.model} on {data.name}", fontsize="medium")
     return figure
 
@@ -86,7 +89,8 @@ def _draw_errors(axis: Axes, comparison: Comparison) -> None:
     axis.errorbar(errors, places, xerr=whiskers, fmt="none", color="0.2", linewidth=1.0)
     axis.set_yticks(places, [row.fit.model for row in ranking], fontsize="x-small")
     axis.set_xlabel(f"held-out error, root mean square [{unit}], 95 % interval")
-    axis.set_xlim(0.0, 1.15 * min(float(np.max(errors)), 4.0 * float(np.median(errors))))
+    farthest = max(float(np.max(errors)), float(np.max(reach)))
+    axis.set_xlim(0.0, 1.05 * min(farthest, 4.6 * float(np.median(errors))))
     axis.set_title("green: not distinguishable from the best", fontsize="small")
 
 

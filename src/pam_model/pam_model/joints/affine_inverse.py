@@ -4,7 +4,7 @@ A line is what a muscle does at one length: its weakest and strongest pull [N] i
 pressures, scale [m^2] and passive pull [N], rise [m] and offset [N/m] of its dF/dL, and the range
 [Pa gauge]. The scale is 0 if the muscle is too short to pull at any pressure. The torque is
 constant along a straight line in the plane of the two pressures, and the stiffness is linear
-along it.
+along it. For a muscle that is not affine in pressure, the line is a local approximation.
 
 numba compiles these functions with whatever calls them.
 """
@@ -14,6 +14,8 @@ from __future__ import annotations
 from typing import Final
 
 Line = tuple[float, float, float, float, float, float, float, float]
+Point = tuple[float, float, float]
+"""Pressure [Pa gauge], pull [N], dF/dL [N/m]."""
 CLIPPED: Final = 1e-6
 """Difference of a torque that counts as limited, relative to the strongest."""
 STIFFNESS_CLIPPED: Final = 1e-5
@@ -57,6 +59,34 @@ def antagonist_pull(a: Line, b: Line, difference: float, rate: float) -> float:
     return least - at_least * (most - least) / (at_most - at_least)
 
 
+def through(line: Line, first: Point, second: Point) -> Line:
+    """The line of the same muscle through two points of different pressure."""
+    run = second[0] - first[0]
+    scale = (second[1] - first[1]) / run
+    if scale > 0.0:
+        line = (*line[:2], scale, line[3], (second[2] - first[2]) / run, *line[5:])
+    return shifted(line, second)
+
+
+def shifted(line: Line, point: Point) -> Line:
+    """The line through a point, with the slopes that it has."""
+    weakest, strongest, scale, _, rise, _, low, high = line
+    if scale <= 0.0:
+        return line
+    passive, offset = point[1] - scale * point[0], point[2] - rise * point[0]
+    return weakest, strongest, scale, passive, rise, offset, low, high
+
+
+def is_limited(
+    a: Line, b: Line, radius: float, missed_torque: float, missed: float, stiffness: float
+) -> tuple[bool, bool]:
+    """Whether a torque [N m], and a stiffness [N m/rad], is missed by more than rounding."""
+    return (
+        abs(missed_torque) > CLIPPED * (1.0 + radius * (a[1] + b[1])),
+        abs(missed) > STIFFNESS_CLIPPED * (1.0 + abs(stiffness)),
+    )
+
+
 def affine_pressures(
     a: Line, b: Line, radius: float, torque: float, stiffness: float
 ) -> tuple[float, float, float, float, bool, bool]:
@@ -75,11 +105,5 @@ def affine_pressures(
     pull = antagonist_pull(a, b, difference, stiffness / (radius * radius))
     reached = radius * difference
     stiff = radius * radius * (stiffness_for(a, pull + difference) + stiffness_for(b, pull))
-    return (
-        pressure_for(a, pull + difference),
-        pressure_for(b, pull),
-        reached,
-        stiff,
-        abs(reached - torque) > CLIPPED * (1.0 + radius * (a[1] + b[1])),
-        abs(stiff - stiffness) > STIFFNESS_CLIPPED * (1.0 + abs(stiffness)),
-    )
+    cut, soft = is_limited(a, b, radius, reached - torque, stiff - stiffness, stiffness)
+    return pressure_for(a, pull + difference), pressure_for(b, pull), reached, stiff, cut, soft

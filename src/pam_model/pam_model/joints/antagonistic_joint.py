@@ -19,8 +19,18 @@ from collections.abc import Callable, Sequence
 
 from pam_model.bounds import within
 from pam_model.errors import DomainError
+from pam_model.joints.affine_inverse import (
+    Line,
+    Point,
+    affine_line,
+    affine_pressures,
+    antagonist_pull,
+    is_limited,
+    pressure_for,
+    shifted,
+    through,
+)
 from pam_model.joints.joint_muscle import JointMuscle, JointPressures
-from pam_model.joints.pressure_line import Point, PressureLine
 from pam_model.muscles.force_model import AffineForceModel
 from pam_model.physics.joint_geometry import AGONIST_SIGN, ANTAGONIST_SIGN, muscle_length
 from pam_model.rig.types import Rig
@@ -28,7 +38,6 @@ from pam_model.robot.compose import compose
 from pam_model.robot.robot import Robot, RobotJoint
 
 _EDGE = 1e-6
-_CLIPPED = 1e-6
 _ROUNDS = 20
 _PRESSURE_TOLERANCE = 0.1
 
@@ -316,98 +325,74 @@ class AntagonisticJoint:
         first, second = self.lengths(inside)
         a, b = self._line(self.agonist, first), self._line(self.antagonist, second)
         radius = self.pulley_radius
-        difference = min(max(torque / radius, a.weakest - b.strongest), a.strongest - b.weakest)
-        rate = stiffness / (radius * radius)
-        pull = self._antagonist_pull(a, b, difference, rate)
-        pressures = a.pressure(pull + difference), b.pressure(pull)
-        if self._affine is not None:
-            reached = (
-                radius * difference,
-                radius * radius * (a.stiffness(pull + difference) + b.stiffness(pull)),
-            )
-        else:
-            pressures = self._refine(a, b, (first, second), difference, rate)
-            reached = self.torque(*pressures, inside), self.stiffness(*pressures, inside)
-        strongest = radius * (a.strongest + b.strongest)
+        first_pressure, second_pressure, reached, stiff, cut, soft = affine_pressures(
+            a, b, radius, torque, stiffness
+        )
+        if self._affine is None:
+            difference = min(max(torque / radius, a[0] - b[1]), a[1] - b[0])
+            rate = stiffness / (radius * radius)
+            first_pressure, second_pressure = self._refine(a, b, (first, second), difference, rate)
+            reached = self.torque(first_pressure, second_pressure, inside)
+            stiff = self.stiffness(first_pressure, second_pressure, inside)
+            cut, soft = is_limited(a, b, radius, reached - torque, stiff - stiffness, stiffness)
         return JointPressures(
-            agonist=pressures[0],
-            antagonist=pressures[1],
-            torque=reached[0],
-            stiffness=reached[1],
-            torque_limited=abs(reached[0] - torque) > _CLIPPED * (1.0 + strongest),
-            stiffness_limited=abs(reached[1] - stiffness) > 1e-5 * (1.0 + abs(stiffness)),
+            agonist=first_pressure,
+            antagonist=second_pressure,
+            torque=reached,
+            stiffness=stiff,
+            torque_limited=cut,
+            stiffness_limited=soft,
             position_limited=inside != position,
         )
 
     @staticmethod
-    def _line(muscle: JointMuscle, length: float) -> PressureLine:
+    def _line(muscle: JointMuscle, length: float) -> Line:
         model, low, high = muscle.model, muscle.low_pressure, muscle.high_pressure
-        scale = passive = 0.0
         affine = muscle.affine_model
         if affine is not None:
             scale, passive = affine.coefficients(length)
-            at_low, at_high = low * scale + passive, high * scale + passive
-        else:
-            at_low, at_high = float(model.force(low, length)), float(model.force(high, length))
-        weakest, strongest = max(0.0, at_low), max(0.0, at_high)
+            return affine_line(scale, passive, *affine.coefficient_slopes(length), low, high)
+        ends = [
+            (each, float(model.force(each, length)), float(model.stiffness(each, length)))
+            for each in (low, high)
+        ]
+        weakest, strongest = (max(0.0, pull) for _, pull, _ in ends)
         if strongest <= weakest:
             # The muscle is too short to pull at any pressure, so the choice has no influence.
-            rate = float(model.stiffness(low, length)) if weakest > 0.0 else 0.0
-            return PressureLine(weakest, weakest, 0.0, weakest, 0.0, rate, low, high)
-        if affine is not None:
-            rise, offset = affine.coefficient_slopes(length)
-            return PressureLine(weakest, strongest, scale, passive, rise, offset, low, high)
-        line = PressureLine(weakest, strongest, 0.0, 0.0, 0.0, 0.0, low, high)
-        stiff = float(model.stiffness(low, length)), float(model.stiffness(high, length))
-        line.through((low, at_low, stiff[0]), (high, at_high, stiff[1]))
-        return line
-
-    @staticmethod
-    def _antagonist_pull(a: PressureLine, b: PressureLine, difference: float, rate: float) -> float:
-        """Pull of the antagonist [N] at which the sum of stiffnesses is nearest to `rate`."""
-        least = max(b.weakest, a.weakest - difference)
-        most = max(least, min(b.strongest, a.strongest - difference))
-        at_least = a.stiffness(least + difference) + b.stiffness(least) - rate
-        at_most = a.stiffness(most + difference) + b.stiffness(most) - rate
-        if at_least * at_most >= 0.0:
-            return least if abs(at_least) <= abs(at_most) else most
-        return least - at_least * (most - least) / (at_most - at_least)
+            rate = ends[0][2] if weakest > 0.0 else 0.0
+            return weakest, weakest, 0.0, weakest, 0.0, rate, low, high
+        return through((weakest, strongest, 0.0, 0.0, 0.0, 0.0, low, high), *ends)
 
     def _refine(
         self,
-        a: PressureLine,
-        b: PressureLine,
+        a: Line,
+        b: Line,
         lengths: tuple[float, float],
         difference: float,
         rate: float,
-    ) -> tuple[float, float]:
+    ) -> list[float]:
         """Pressures for models that are not affine: iterate both lines until they converge."""
-        sides = [(self.agonist, a, lengths[0]), (self.antagonist, b, lengths[1])]
+        lines, muscles = [a, b], (self.agonist, self.antagonist)
         last: list[Point | None] = [None, None]
-        pressures = [a.low, b.low]
+        pressures = [a[6], b[6]]
         for _ in range(_ROUNDS):
-            pull = self._antagonist_pull(a, b, difference, rate)
+            pull = antagonist_pull(lines[0], lines[1], difference, rate)
             step = 0.0
-            for index, (muscle, line, length) in enumerate(sides):
-                pressure = line.pressure(pull + difference if index == 0 else pull)
+            for index, (muscle, length) in enumerate(zip(muscles, lengths, strict=True)):
+                line, before = lines[index], last[index]
+                pressure = pressure_for(line, pull + difference if index == 0 else pull)
                 point = (
                     pressure,
                     float(muscle.model.force(pressure, length)),
                     float(muscle.model.stiffness(pressure, length)),
                 )
-                before = last[index]
-                if before is None:
-                    step = float("inf")
-                    line.shift(point)
+                moved = math.inf if before is None else abs(pressure - before[0])
+                step = max(step, moved)
+                if before is None or moved <= _PRESSURE_TOLERANCE:
+                    lines[index] = shifted(line, point)
                 else:
-                    moved = abs(pressure - before[0])
-                    step = max(step, moved)
-                    if moved > _PRESSURE_TOLERANCE:
-                        line.through(before, point)
-                    else:
-                        line.shift(point)
-                last[index] = point
-                pressures[index] = pressure
+                    lines[index] = through(line, before, point)
+                last[index], pressures[index] = point, pressure
             if step < _PRESSURE_TOLERANCE:
                 break
-        return pressures[0], pressures[1]
+        return pressures

@@ -15,15 +15,10 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import Any, ClassVar, Protocol, runtime_checkable
 
-import numpy as np
-import numpy.typing as npt
-
 from pam_model.bounds import within
 from pam_model.errors import DomainError, RigError
 from pam_model.names import Named
 from pam_ros.program_name import PROGRAM
-
-Quantity = float | npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

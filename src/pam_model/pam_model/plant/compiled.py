@@ -41,12 +41,15 @@ _NEVER_COMPILED = (
     "default_step",
     "force_table",
     "lane_choice",
+    "lever_arm",
+    "mounting",
     "parameters",
     "plant_batch",
     "robot_plant",
     "sensors",
     "simulate",
     "trajectory",
+    "written_numbers",
 )
 
 

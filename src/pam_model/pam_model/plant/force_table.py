@@ -9,12 +9,13 @@ linear, which is exact for a model that is affine in pressure.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 import numpy.typing as npt
 
 from pam_model.errors import DomainError
-from pam_model.muscles.force_model import AffineForceModel, ForceModel
+from pam_model.muscles.force_model import AffineForceModel, ForceModel, MuscleGeometry
 from pam_model.rig import Muscle
 
 Table = npt.NDArray[np.float64]
@@ -25,14 +26,16 @@ PRESSURES = 161
 DOMAIN_MARGIN = 1e-3  # of the length range: models may be singular at its ends
 
 
-def closed_form(muscle: Muscle) -> tuple[float, float] | None:
-    """Wall thickness [m] and contraction factor of the closed form; None if there is none."""
-    if muscle.model == "gaylord":
+def closed_form(
+    model: str, geometry: MuscleGeometry, constants: Mapping[str, float]
+) -> tuple[float, float] | None:
+    """Wall thickness [m] and contraction factor of a model's closed form; None if it has none."""
+    if model == "gaylord":
         return 0.0, 1.0
-    if muscle.model == "chou_hannaford":
-        return muscle.wall_thickness, 1.0
-    if muscle.model == "tondu_lopez":
-        return 0.0, float(muscle.model_parameters.get("k", 1.0))
+    if model == "chou_hannaford":
+        return geometry.wall_thickness, 1.0
+    if model == "tondu_lopez":
+        return 0.0, float(constants.get("k", 1.0))
     return None
 
 

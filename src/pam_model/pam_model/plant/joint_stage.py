@@ -31,6 +31,7 @@ from pam_model.plant.layout import (
     C_ARM_BEND,
     C_ARM_SLOPE,
     C_DENSITY,
+    C_DRAWN,
     C_DROOP,
     C_DROOP_CONDUCTANCE,
     C_DROOP_VOLUME,
@@ -263,6 +264,6 @@ def joint_rates(
     dy[Y_RESERVOIR] = 0.0
     if c[C_DROOP] > 0.0:
         dy[Y_RESERVOIR] = reservoir_rate(
-            c, c[C_DROOP_CONDUCTANCE], c[C_DROOP_VOLUME], y[Y_RESERVOIR], drawn
+            c, c[C_DROOP_CONDUCTANCE], c[C_DROOP_VOLUME], y[Y_RESERVOIR], drawn + c[C_DRAWN]
         )
     return torque

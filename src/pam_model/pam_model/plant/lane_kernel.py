@@ -14,7 +14,7 @@ from types import FunctionType
 from typing import Any, Final
 
 from pam_model.plant.compiled import compiled, compiled_loop
-from pam_model.plant.composition import memory_move, memory_step
+from pam_model.plant.composition import dry_friction, memory_move, memory_step
 from pam_model.plant.joint_stage import joint_rates
 from pam_model.plant.kernel import (
     AT_REST,
@@ -30,6 +30,7 @@ from pam_model.plant.layout import (
     AGONIST,
     ANTAGONIST,
     C_DROOP,
+    C_PER_INERTIA,
     C_PRESLIDING,
     M_DELAY,
     M_THERMAL,
@@ -81,10 +82,17 @@ def judge_contact(c: Any, y: Any, contact: Any) -> None:
 
 
 @compiled
-def judge_rest(c: Any, y: Any, contact: Any, torque: Any) -> None:
-    """Decide the contact of a joint at rest by the torque of its muscles."""
+def judge_rest(c: Any, y: Any, dy: Any, contact: Any, torque: Any) -> None:
+    """Decide the contact of a joint at rest by the torque of its muscles.
+
+    The rates `dy` are those without contact. At rest, it changes the acceleration alone.
+    """
     if contact[0] == AT_REST:
         contact[0] = float(contact_at_rest(c, y, torque[0]))
+        if contact[0] == LOCKED:
+            dy[Y_VELOCITY] = 0.0
+        else:  # the sign of the motion that friction opposes, or 0
+            dy[Y_VELOCITY] -= contact[0] * dry_friction(c, 0.0) * c[C_PER_INERTIA]
 
 
 @compiled
@@ -208,8 +216,7 @@ def advance(
             at_rest = at_rest or contact[lane] == AT_REST
         rates_lanes(active, c, tables, y, k1, held, contact, torque, drive, shut, h)
         if at_rest:
-            judge_rest_lanes(active, c, y, contact, torque)
-            rates_lanes(active, c, tables, y, k1, held, contact, torque, drive, shut, h)
+            judge_rest_lanes(active, c, y, k1, contact, torque)
         move_lanes(active, c, y, k1, ys, 0.5 * h)
         rates_lanes(active, c, tables, ys, k2, held, contact, torque, drive, shut, h)
         move_lanes(active, c, y, k2, ys, 0.5 * h)

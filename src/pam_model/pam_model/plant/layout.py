@@ -61,6 +61,7 @@ MUSCLE_NOMINAL = (
     C_GRAVITY,
     C_GRAVITY_ANGLE,
     C_EXTERNAL,
+    C_DRAWN,
     C_LOWER,
     C_UPPER,
     C_RT,
@@ -74,7 +75,7 @@ MUSCLE_NOMINAL = (
     C_PER_INERTIA,
     C_ARM_SLOPE,
     C_ARM_BEND,
-) = range(23)
+) = range(24)
 (
     M_TABLE,
     M_B,

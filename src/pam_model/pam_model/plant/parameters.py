@@ -239,7 +239,7 @@ def _joint_values(rig: Rig, joint: Joint) -> dict[str, float]:
 
 
 def _muscle_values(rig: Rig, muscle: Muscle) -> tuple[dict[str, float], Vector]:
-    form = closed_form(muscle)
+    form = closed_form(muscle.model, muscle.geometry, muscle.model_parameters)
     table, bounds, pressure_step = NO_TABLE, (0.0, 0.0), 1.0
     if form is None:
         table, bounds, pressure_step = make_table(muscle, rig.supply_pressure)

@@ -24,7 +24,7 @@ Array = npt.NDArray[np.float64]
 
 # Constants of the sensors: three of each muscle's pressure sensor, then two of the encoder.
 K_GAIN, K_BIAS, K_LAG = range(3)
-K_ANTAGONIST = N_MUSCLE_SENSORS = 3
+N_MUSCLE_SENSORS = 3
 K_OFFSET = len(MUSCLES) * N_MUSCLE_SENSORS
 K_DELAY = K_OFFSET + 1
 N_SENSORS = K_DELAY + 1

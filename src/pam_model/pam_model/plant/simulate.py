@@ -344,11 +344,6 @@ class Plant:
         return float(self._y[lay.Y_RESERVOIR])
 
     @property
-    def has_reservoir(self) -> bool:
-        """Whether the supply sags while air is drawn."""
-        return bool(self._constants[lay.C_DROOP] > 0.0)
-
-    @property
     def longest_delay(self) -> float:
         """The longest delay of a valve's command [s]."""
         sides = (lay.AGONIST, lay.ANTAGONIST)

@@ -85,6 +85,8 @@ class BraidFromDatasheet:
         """
         b, n, rest = geometry.thread_length, geometry.turns, geometry.rest_length
         require_positive(thread_length=b, turns=n, rest_length=rest)
+        if rest >= b:
+            raise PamError(f"thread_length {b:g} m: expected more than the rest length, {rest:g} m")
         diameter = math.sqrt(max(b * b - rest * rest, 0.0)) / (math.pi * n)
         angle = math.acos(min(rest / b, 1.0))
         cls.measured(diameter, rest, angle, geometry.wall_thickness)

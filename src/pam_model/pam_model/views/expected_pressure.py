@@ -132,6 +132,15 @@ class ExpectedPressure:
         queue = (*state.commands, command)
         return state._replace(commands=queue[1:]), queue[0]
 
+    def spool_after(self, state: GasState, command: float) -> tuple[float, float]:
+        """`spool` and `spool_rate` after a period with the command that acts now."""
+        of_position, of_rate = self._lag
+        behind = state.spool - command, state.spool_rate
+        return (
+            command + of_position[0] * behind[0] + of_position[1] * behind[1],
+            of_rate[0] * behind[0] + of_rate[1] * behind[1],
+        )
+
     def step(
         self,
         state: GasState,
@@ -161,17 +170,14 @@ class ExpectedPressure:
         a, b, c, d = self._volume
         volume = ((a * stroke + b) * stroke + c) * stroke + d + self._dead_volume
         volume_rate = ((3.0 * a * stroke + 2.0 * b) * stroke + c) * rate
-        of_position, of_rate = self._lag
-        behind = state.spool - command, state.spool_rate
-        spool = command + of_position[0] * behind[0] + of_position[1] * behind[1]
-        spool_rate = of_rate[0] * behind[0] + of_rate[1] * behind[1]
+        spool, spool_rate = self.spool_after(state, command)
         supply = self._supply if math.isnan(supply) else supply
         at_sensor = state.at_sensor
         if self._tube is not None:
             at_sensor, inside = self._tube.advance(
                 at_sensor,
                 state.inside,
-                lambda at: self._entering(spool, at, supply),
+                lambda at: self.entering(spool, at, supply),
                 self._leaving,
                 volume,
                 volume_rate,
@@ -179,7 +185,7 @@ class ExpectedPressure:
         else:
             at_sensor += self._period * float(
                 pressure_rate(
-                    self._entering(spool, at_sensor, supply) - self._leaving(at_sensor),
+                    self.entering(spool, at_sensor, supply) - self._leaving(at_sensor),
                     at_sensor,
                     volume,
                     volume_rate,
@@ -190,7 +196,7 @@ class ExpectedPressure:
             inside = at_sensor
         return GasState(state.commands, spool, at_sensor, inside, spool_rate)
 
-    def _entering(self, spool: float, pressure: float, supply: float) -> float:
+    def entering(self, spool: float, pressure: float, supply: float) -> float:
         """Flow of the valve [kg/s] at a pressure behind it [Pa absolute]."""
         valve = self._valve
         if self._is_flow:

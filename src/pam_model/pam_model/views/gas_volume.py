@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pam_model.robot.robot import Robot, RobotMuscle
+from pam_model.robot.static_force import gas_volume as stretched_volume
 from pam_model.views.muscle_path import lengths_over_travel
 
 _PLACES = 9  # positions of a joint, to find the largest volume
@@ -17,6 +18,27 @@ def gas_volume(muscle: RobotMuscle, length: float) -> float:
         If the force model is not defined at this length.
     """
     return float(muscle.force_model.volume(length)) + muscle.dead_volume
+
+
+def gas_space(muscle: RobotMuscle, pressure: float, length: float) -> tuple[float, float, float]:
+    """Gas volume of a muscle whose threads or cable may stretch, and its derivatives.
+
+    Parameters
+    ----------
+    muscle : RobotMuscle
+        The muscle.
+    pressure : float
+        [Pa gauge].
+    length : float
+        Of its path [m].
+
+    Returns
+    -------
+    volume, by_length, by_pressure : float
+        [m^3], with the dead volume; [m^2], [m^3/Pa].
+    """
+    volume, by_length, by_pressure = stretched_volume(muscle.force_model, pressure, length)
+    return volume + muscle.dead_volume, by_length, by_pressure
 
 
 def neutral_gas_volume(muscle: RobotMuscle) -> float:

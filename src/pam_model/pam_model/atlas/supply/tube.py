@@ -14,7 +14,6 @@ from pam_model.gas import GAS_CONSTANT, HEAT_CAPACITY_RATIO, REFERENCE_TEMPERATU
 
 VISCOSITY = 1.81e-5
 """mu of air at room temperature [Pa s]."""
-LAMINAR_LIMIT = 2300.0
 """Reynolds number up to which the laminar law holds [-]."""
 
 

@@ -53,7 +53,7 @@ class TonduLopezPressureFactor(CurvedMuscle):
     name: ClassVar[str] = "tondu_lopez_pressure_factor"
     parameters: ClassVar[Mapping[str, ModelParameter]] = {
         "falling_factor": ModelParameter(0.5, "-", 0.0, 10.0, "a_k, vanishes at high pressure"),
-        "constant_factor": ModelParameter(1.1, "-", 0.5, 3.0, "b_k, k at high pressure"),
+        "constant_factor": ModelParameter(1.1, "-", 0.5, 5.0, "b_k, k at high pressure"),
     }
 
     def __init__(

@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-from pam_gap.prediction.fit import Array
 from pam_model.physics.joint_geometry import AGONIST_SIGN, ANTAGONIST_SIGN, muscle_length
 from pam_model.plant.layout import (
     AGONIST,
@@ -20,6 +19,7 @@ from pam_model.plant.layout import (
     C_RADIUS,
     M_NEUTRAL,
 )
+from pam_model.plant.parameters import Vector as Array
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,99 @@
+"""What the constants of a joint say about it: functions of one row that a controller compiles.
+
+They are for a round pulley and without dry friction. The braid of both muscles is in closed form
+where a function needs their pulls.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from pam_model.joints.affine_inverse import Line, affine_line, affine_pressures
+from pam_model.physics.joint_geometry import (
+    AGONIST_SIGN,
+    ANTAGONIST_SIGN,
+    length_per_position,
+    muscle_length,
+)
+from pam_model.plant.composition import joint_torque
+from pam_model.plant.layout import (
+    AGONIST,
+    ANTAGONIST,
+    C_GRAVITY,
+    C_GRAVITY_ANGLE,
+    C_INERTIA,
+    C_RADIUS,
+    C_VISCOUS,
+    M_NEUTRAL,
+)
+from pam_model.plant.muscle_stage import braid_force
+
+
+def gravity(c: Any, position: float) -> float:
+    """Torque [N m] that holds the limb still at a position [rad]."""
+    return float(c[C_GRAVITY] * math.sin(position - c[C_GRAVITY_ANGLE]))
+
+
+def static_torque(c: Any, position: float, velocity: float) -> float:
+    """Torque [N m] for a measured motion [rad], [rad/s]: no inertia, no friction."""
+    return float(gravity(c, position) - joint_torque(c, position, velocity))
+
+
+def moving_torque(c: Any, velocity: float, acceleration: float) -> float:
+    """Torque [N m] that inertia and viscous friction take of a motion [rad/s], [rad/s^2]."""
+    return float(c[C_INERTIA] * acceleration + c[C_VISCOUS] * velocity)
+
+
+def motion_torque(c: Any, position: float, velocity: float, acceleration: float) -> float:
+    """Torque [N m] for a motion [rad], [rad/s], [rad/s^2]."""
+    moving = moving_torque(c, velocity, acceleration)
+    return float(moving + gravity(c, position) - joint_torque(c, position, velocity))
+
+
+def length_of(m: int, sign: float, c: Any, position: float) -> float:
+    """Length [m] of the muscle whose constants begin at `m`, at a position [rad]."""
+    return float(muscle_length(c[m + M_NEUTRAL], sign, c[C_RADIUS], position))
+
+
+def length_rate(sign: float, c: Any, velocity: float) -> float:
+    """Rate of a muscle's length [m/s] at a velocity [rad/s]; of a change of the angle, its own."""
+    return float(length_per_position(sign, c[C_RADIUS]) * velocity)
+
+
+def torque_of(c: Any, agonist: float, antagonist: float) -> float:
+    """Torque [N m] of two pulls [N]."""
+    return float(c[C_RADIUS] * (agonist - antagonist))
+
+
+def muscles_torque(c: Any, table: Any, a: float, b: float, position: float) -> float:
+    """Torque of the muscles [N m] at pressures [Pa gauge] and a position [rad]."""
+    pull, _, _ = braid_force(AGONIST, c, table, a, length_of(AGONIST, AGONIST_SIGN, c, position))
+    against, _, _ = braid_force(
+        ANTAGONIST, c, table, b, length_of(ANTAGONIST, ANTAGONIST_SIGN, c, position)
+    )
+    return torque_of(c, max(0.0, pull), max(0.0, against))
+
+
+def _line(m: int, c: Any, table: Any, length: float, low: float, high: float) -> Line:
+    """What a muscle does at a length [m], in a range of pressures [Pa gauge]."""
+    passive, offset, scale = braid_force(m, c, table, 0.0, length)
+    _, slope, _ = braid_force(m, c, table, high, length)
+    return affine_line(scale, passive, (slope - offset) / high, offset, low, high)
+
+
+def pressures_for(
+    c: Any, table: Any, position: float, torque: float, stiffness: float,
+    low_a: float, high_a: float, low_b: float, high_b: float,
+) -> tuple[float, float, float, float, bool, bool]:  # fmt: skip
+    """The pressures for a torque [N m] and a stiffness [N m/rad], as `affine_pressures`.
+
+    `low_a` to `high_b` are the ranges of the pressures of both muscles [Pa gauge].
+    """
+    first = length_of(AGONIST, AGONIST_SIGN, c, position)
+    second = length_of(ANTAGONIST, ANTAGONIST_SIGN, c, position)
+    return affine_pressures(
+        _line(AGONIST, c, table, first, low_a, high_a),
+        _line(ANTAGONIST, c, table, second, low_b, high_b),
+        c[C_RADIUS], torque, stiffness,
+    )  # fmt: skip
