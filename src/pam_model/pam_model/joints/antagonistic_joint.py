@@ -325,19 +325,19 @@ class AntagonisticJoint:
         first, second = self.lengths(inside)
         a, b = self._line(self.agonist, first), self._line(self.antagonist, second)
         radius = self.pulley_radius
-        first_pressure, second_pressure, reached, stiff, cut, soft = affine_pressures(
+        agonist, antagonist, reached, stiff, cut, soft = affine_pressures(
             a, b, radius, torque, stiffness
         )
         if self._affine is None:
             difference = min(max(torque / radius, a[0] - b[1]), a[1] - b[0])
             rate = stiffness / (radius * radius)
-            first_pressure, second_pressure = self._refine(a, b, (first, second), difference, rate)
-            reached = self.torque(first_pressure, second_pressure, inside)
-            stiff = self.stiffness(first_pressure, second_pressure, inside)
+            agonist, antagonist = self._refine(a, b, (first, second), difference, rate)
+            reached = self.torque(agonist, antagonist, inside)
+            stiff = self.stiffness(agonist, antagonist, inside)
             cut, soft = is_limited(a, b, radius, reached - torque, stiff - stiffness, stiffness)
         return JointPressures(
-            agonist=first_pressure,
-            antagonist=second_pressure,
+            agonist=agonist,
+            antagonist=antagonist,
             torque=reached,
             stiffness=stiff,
             torque_limited=cut,
