@@ -325,16 +325,19 @@ class AntagonisticJoint:
         first, second = self.lengths(inside)
         a, b = self._line(self.agonist, first), self._line(self.antagonist, second)
         radius = self.pulley_radius
-        *pressures, reached, stiff, cut, soft = affine_pressures(a, b, radius, torque, stiffness)
+        first_pressure, second_pressure, reached, stiff, cut, soft = affine_pressures(
+            a, b, radius, torque, stiffness
+        )
         if self._affine is None:
             difference = min(max(torque / radius, a[0] - b[1]), a[1] - b[0])
             rate = stiffness / (radius * radius)
-            pressures = self._refine(a, b, (first, second), difference, rate)
-            reached, stiff = self.torque(*pressures, inside), self.stiffness(*pressures, inside)
+            first_pressure, second_pressure = self._refine(a, b, (first, second), difference, rate)
+            reached = self.torque(first_pressure, second_pressure, inside)
+            stiff = self.stiffness(first_pressure, second_pressure, inside)
             cut, soft = is_limited(a, b, radius, reached - torque, stiff - stiffness, stiffness)
         return JointPressures(
-            agonist=pressures[0],
-            antagonist=pressures[1],
+            agonist=first_pressure,
+            antagonist=second_pressure,
             torque=reached,
             stiffness=stiff,
             torque_limited=cut,
@@ -373,7 +376,7 @@ class AntagonisticJoint:
         last: list[Point | None] = [None, None]
         pressures = [a[6], b[6]]
         for _ in range(_ROUNDS):
-            pull = antagonist_pull(*lines, difference, rate)
+            pull = antagonist_pull(lines[0], lines[1], difference, rate)
             step = 0.0
             for index, (muscle, length) in enumerate(zip(muscles, lengths, strict=True)):
                 line, before = lines[index], last[index]
