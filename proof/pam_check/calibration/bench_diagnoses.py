@@ -41,6 +41,8 @@ SECONDS: Final = 15.0
 HEAVY: Final = 1e6
 """Inertia of a joint that does not move [kg m^2]."""
 NONE_EVERY: Final = 4
+ONLY_MOVING: Final = ("hysteresis", "creep")
+"""Effects that a muscle of constant length does not show."""
 
 
 def hidden_effects() -> tuple[str, ...]:
@@ -189,7 +191,8 @@ def run(given: Arguments) -> Outcome:
     rows: list[dict[str, Any]] = []
     for number in range(given.rigs):
         effect = "" if number % NONE_EVERY == NONE_EVERY - 1 else order[number % len(order)]
-        bench = draw_bench(random, effect, HOW[number % 2 if effect else number // 4 % 2])
+        how = HOW[number % 2 if effect else number // 4 % 2]
+        bench = draw_bench(random, effect, "moving" if effect in ONLY_MOVING else how)
         row = _diagnosed(bench, number, folder)
         rows.append(row)
         print(

@@ -25,16 +25,6 @@ from pam_gap.prediction.problem import PredictionProblem
 from pam_model.robot import compose
 
 OTHER_LENGTHS = "other lengths"
-LENGTHS_APART = 0.005
-"""Of the rest length: lengths that differ less are one, and a held length moves less."""
-FEWEST_LENGTHS = 3
-"""Lengths at which each can be predicted from two others."""
-LEAST_TIME = 0.05
-"""Share of the time for which a length must be held to count."""
-MOSTLY = 0.8
-"""Share of the time at held lengths from which the muscle counts as held."""
-MOST_TURNS = 6
-"""With more lengths than this, several are withheld together."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,10 +99,11 @@ def held_lengths(problem: PredictionProblem) -> np.ndarray | None:
     """Number of the length at which a muscle on a bench is held in each row, shape (n_rows,).
 
     -1 is on the way from one length to another. None where the muscle is not held at three lengths
-    or more for most of the time; two lengths that differ less than `LENGTHS_APART` are one.
+    or more for most of the time; two lengths that differ less than `lengths_apart` are one.
     """
     if not problem.is_bench:
         return None
+    rules = problem.rules.search
     position = np.concatenate(
         [
             block_means(data.measured[:, POSITION], problem.block)[: int(end - start)]
@@ -123,19 +114,19 @@ def held_lengths(problem: PredictionProblem) -> np.ndarray | None:
     )
     muscle = problem.rig.muscle(problem.muscles[0])
     arms = compose(problem.rig).joints[problem.joint].arms
-    apart = LENGTHS_APART * muscle.rest_length / abs(arms[0].length)
+    apart = rules.lengths_apart * muscle.rest_length / abs(arms[0].length)
     order = np.sort(position[problem.counted])
     groups = np.split(order, np.flatnonzero(np.diff(order) > apart) + 1)
     kept = [
         (float(group[0]), float(group[-1]))
         for group in groups
-        if group.size >= LEAST_TIME * order.size and np.ptp(group) < apart
+        if group.size >= rules.least_length_time * order.size and np.ptp(group) < apart
     ]
     found = np.full(problem.n_rows, -1)
     for number, (low, high) in enumerate(kept):
         found[(position >= low) & (position <= high)] = number
-    is_held = np.mean(found[problem.counted] >= 0) >= MOSTLY if order.size else False
-    return found if len(kept) >= FEWEST_LENGTHS and is_held else None
+    is_held = np.mean(found[problem.counted] >= 0) >= rules.mostly_held if order.size else False
+    return found if len(kept) >= rules.fewest_lengths and is_held else None
 
 
 def make_folds(problem: PredictionProblem) -> Folds:
@@ -160,10 +151,10 @@ def make_folds(problem: PredictionProblem) -> Folds:
     block = np.where(block >= 0, np.searchsorted(used, block), -1)
     lengths = held_lengths(problem)
     if lengths is not None:
-        number = np.where((block >= 0) & (lengths >= 0), lengths % MOST_TURNS, -1)
-        each = [number == k for k in range(min(int(lengths.max()) + 1, MOST_TURNS))]
+        number = np.where((block >= 0) & (lengths >= 0), lengths % rules.most_lengths, -1)
+        each = [number == k for k in range(min(int(lengths.max()) + 1, rules.most_lengths))]
         turns = [((number >= 0) & ~own, own) for own in each if own.any()]
-        if len(turns) >= FEWEST_LENGTHS:
+        if len(turns) >= rules.fewest_lengths:
             return Folds(tuple(turns), block, used.size, OTHER_LENGTHS)
     first, second = fold == 0, fold == 1
     return Folds(((first, second), (second, first)), block, used.size)

@@ -36,8 +36,6 @@ LONG = 4.0
 """Thread of the invented second muscle, in threads of the first."""
 LITTLE = 1e-3
 """Conductance of the second muscle's valve over that of the first, so that it draws no air."""
-SLOWEST = 5.0
-"""Below this frequency a muscle of any usual size follows its valve, and its force follows [Hz]."""
 ALONG_LENGTH = PredictionSettings(follow_motion=True)
 ALONG_BOTH = PredictionSettings(follow_motion=True, follow_pressures=True)
 
@@ -162,17 +160,19 @@ def bench_problem(
     )
 
 
-def wrong_bench_wiring(problem: PredictionProblem, highest: float = SLOWEST) -> tuple[str, ...]:
+def wrong_bench_wiring(problem: PredictionProblem, highest: float | None = None) -> tuple[str, ...]:
     """Whether the pressure follows the command, and the force the pressure, by their phases.
 
     Parameters
     ----------
     problem : PredictionProblem
         From `bench_problem`.
-    highest : float
-        Upper end of the band of frequencies [Hz].
+    highest : float, optional
+        Upper end of the band of frequencies [Hz]; by default that of the rules.
     """
     (muscle,) = problem.muscles
+    if highest is None:
+        highest = problem.rules.recording.bench_band
     pulls = cross_phase(
         [
             (d.measured[:, AGONIST_PRESSURE], d.measured[:, AGONIST_FORCE], d.recording.sample_time)

@@ -209,6 +209,15 @@ class RecordingRules:
         "causes shows a direction.",
         origin="Half of the power of one signal follows from the other.",
     )
+    bench_band: float = rule(
+        5.0,
+        unit="Hz",
+        decides="Upper end of the band in which the pressure of a muscle on a bench must follow "
+        "its command, and its force the pressure.",
+        trades="Larger: the lag of valves is taken for a reversed sign. Smaller: quick motions "
+        "show nothing.",
+        origin="Muscles of usual sizes fill within some hundredths of a second.",
+    )
     direction_phase: float = rule(
         60.0,
         unit="deg",

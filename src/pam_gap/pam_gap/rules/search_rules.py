@@ -258,6 +258,43 @@ class SearchRules:
         trades="Larger: fits end early. Smaller: the diagnosis takes longer.",
         origin="As for `restarts`.",
     )
+    lengths_apart: float = rule(
+        0.005,
+        unit="of the rest length",
+        decides="Lengths of a muscle on a bench that differ less are one length, and a length that "
+        "is held varies less.",
+        trades="Larger: lengths that differ are not withheld one by one. Smaller: a length that "
+        "gives under force counts as moving.",
+        origin="A load cell and its mounting give by some tenths of a millimetre.",
+    )
+    fewest_lengths: int = rule(
+        3,
+        unit="-",
+        decides="Held lengths from which each is withheld once and predicted from the others.",
+        trades="Larger: fewer recordings are judged at lengths that were not fitted.",
+        origin="Each can be predicted from two others, which a straight line needs.",
+    )
+    least_length_time: float = rule(
+        0.05,
+        unit="of the time",
+        decides="Share of the time for which a length must be held to be one of them.",
+        trades="Larger: short holds are left out. Smaller: a slow motion is taken for holds.",
+        origin="Set by hand; tests hold lengths for a third of the time.",
+    )
+    mostly_held: float = rule(
+        0.8,
+        unit="of the time",
+        decides="Share of the time at held lengths from which a muscle counts as held.",
+        trades="Larger: recordings with long ways between holds are cut in time instead.",
+        origin="Set by hand.",
+    )
+    most_lengths: int = rule(
+        6,
+        unit="-",
+        decides="With more held lengths than this, several are withheld together.",
+        trades="Larger: more fits for each score.",
+        origin="Set by hand, for the time of a diagnosis.",
+    )
     fold_time: float = rule(
         4.0,
         unit="s",
