@@ -227,17 +227,20 @@ def test_check_fails_where_no_verdict_can_follow(
     assert (tmp_path / "out" / "recording.parquet").exists()
 
 
-def test_a_bench_without_a_joint_is_told_so(tmp_path: Path, capsys) -> None:
+def test_a_bench_log_without_a_length_is_refused_by_the_name_of_what_it_lacks(
+    tmp_path: Path, capsys
+) -> None:
     content = ELBOW.read_text()
     begin, end = content.index("    joints:"), content.index("    elbow_flexor:")
     bench = content[:begin] + "    joints: []\n    bench_muscles: [elbow_flexor]\n" + content[end:]
-    rig = tmp_path / "bench.yaml"
+    rig, path = tmp_path / "bench.yaml", tmp_path / "log.csv"
     rig.write_text(bench[: bench.index("    elbow_extensor:")])
-    (tmp_path / "log.csv").write_text(
-        text(",", names="Time (in ms),Pressure (in bar),Force (in N)")
-    )
-    command = ["import", str(tmp_path / "log.csv"), "--rig", str(rig), "--out", str(tmp_path / "o")]
-    assert main(command) == 2
-    error = capsys.readouterr().err
-    assert "no column was mapped: the rig file has no joint" in error
-    assert "pam model fit" in error
+    time = np.arange(2000.0)
+    rows = np.stack([2.0 * time, 2.0 + np.sin(0.01 * time), 50.0 + 20.0 * np.sin(0.01 * time)]).T
+    names = "Time (in ms),Pressure (in bar),Force (in N)"
+    np.savetxt(path, rows, delimiter=",", header=names, comments="")
+    command = ["import", str(path), "--rig", str(rig), "--out", str(tmp_path / "o"), "--check"]
+    assert main(command) == 1
+    out = capsys.readouterr().out
+    assert "pressure_states.elbow_flexor: 'Pressure (in bar)'" in out
+    assert "muscle_states.elbow_flexor.position is not recorded; expected" in out

@@ -181,7 +181,7 @@ def test_effects_reach_those_they_name(two_joints):
     [
         ({"friction.torque": 1.0}, "unknown effect 'friction'"),
         ({"coulomb_friction": 1.0}, "expected <effect>.<parameter>"),
-        ({"coulomb_friction.torque": -1.0}, r"N m is outside \[0, 100\]"),
+        ({"coulomb_friction.torque": -1.0}, r"N m is outside \[0, 1000\]"),
         ({"knee.coulomb_friction.torque": 1.0}, "unknown joint 'knee'"),
         ({"elbow.supply_droop.volume": 1e-3}, "an effect of the whole rig"),
         ({"knee.leakage.conductance": 1e-12}, "unknown joint or muscle 'knee'"),

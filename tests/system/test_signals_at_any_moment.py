@@ -84,7 +84,7 @@ def test_a_signal_in_the_middle_of_the_imports_of_a_node_is_one_line(
 def test_a_signal_while_ros2_run_imports_a_node_is_one_line(package: str, function: str) -> None:
     pytest.importorskip("rclpy")
     program = AS_AN_ENTRY_POINT.format(package=package, function=function)
-    ends_quietly(program, signal.SIGTERM, 250, ["program", "--help"])
+    ends_quietly(program, signal.SIGTERM, 250, ["program", "--ros-args"])
 
 
 @pytest.mark.sampled("one of the three moments", cases=1)

@@ -108,11 +108,11 @@ def subjects_to_diagnose(
     UnknownNameError
         For a name that is neither a joint nor a muscle on a bench.
     """
-    if not recordings:
-        raise RecordingError("no recording given; expected at least one")
     on_bench = bench_muscles(rig)
     if name is not None and name not in on_bench:
         return [rig.joint_names[k] for k in joints_to_diagnose(rig, recordings, name)]
+    if not recordings:
+        raise RecordingError("no recording given; expected at least one")
     found = bench_muscles_recorded(rig, recordings)
     if name is not None:
         found = [one for one in found if one == name]
