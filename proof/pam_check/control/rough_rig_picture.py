@@ -86,4 +86,4 @@ def draw(path: Path, rigs: Mapping[str, Sequence[Way]]) -> None:
             error.set_xlabel("time [s]")
         axes[0, 0].set_ylabel("true angle [rad]")
         axes[1, 0].set_ylabel("error of the true angle [mrad]")
-        figure.savefig(path, dpi=150)
+        figure.savefig(path, dpi=150, bbox_inches="tight")
