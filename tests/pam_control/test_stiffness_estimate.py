@@ -5,10 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from pam_control.adaptation.stiffness_estimate import StiffnessEstimate
 from pam_control.controller import Controller
 from pam_control.settings import ControlSettings
 from pam_model.joints.antagonistic_joint import AntagonisticJoint
 from pam_model.rig import rig_from_parameters
+from pam_model.robot import compose
+from pam_model.views.inverse_dynamics import InverseDynamics
 
 OFF = {"joint.pulley_radius": 1.02, "agonist.turns": 0.98, "antagonist.turns": 0.985}
 
@@ -37,6 +40,19 @@ def true_joint(rig, factors) -> AntagonisticJoint:
         tree[owners[owner]][key] *= factor
 
     return AntagonisticJoint.from_rig(rig_from_parameters(tree), "elbow")
+
+
+def test_no_measured_position_ends_the_estimate(rig):
+    """Models with changed dimensions end at other positions than that of the rig file."""
+    joint = rig.joints[0]
+    model = AntagonisticJoint.from_rig(rig, joint.name)
+    dynamics = InverseDynamics.from_joint(compose(rig).joints[0])
+    estimate = StiffnessEstimate(rig, joint, model, dynamics, 30.0)
+    pressures = (2e5, 1e5)
+    for _ in range(30):
+        for position in (*model.position_range, 0.1, 0.0):
+            estimate.learn(0.02, pressures, position)
+            assert np.isfinite(estimate.at(pressures, position).value)
 
 
 def test_the_stiffness_of_a_rig_that_is_two_per_cent_off_is_learnt_in_one_motion(

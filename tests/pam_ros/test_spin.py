@@ -21,6 +21,7 @@ from pam_ros.errors import ParameterError
 from pam_ros.node_help import Endpoint, NodeHelp
 from pam_ros.parameter_row import Parameter
 from pam_ros.spin import spin_node
+from pam_ros.unforeseen import BROKEN
 
 pytestmark = pytest.mark.system
 
@@ -73,6 +74,14 @@ def test_a_fault_of_the_program_is_not_taken_for_a_users_mistake() -> None:
 
     with pytest.raises(LookupError, match="a bug"):
         spin_node(make_node, HELP, [], mistake=MisreadDrawingError)
+
+
+def test_what_a_running_node_raises_in_a_cycle_is_no_mistake_of_the_user() -> None:
+    def check(node: Node) -> None:
+        raise MisreadDrawingError("length = 3 mm: must be from 5 to 9 mm")
+
+    ways = {"mistake": MisreadDrawingError, "only_at_start": True}
+    assert spin_node(lambda: Node("reader"), HELP, [], check, **ways) == BROKEN
 
 
 @pytest.mark.parametrize("word", ["--help", "-h"])
@@ -145,6 +154,7 @@ import os, signal, sys
 from rclpy.node import Node
 from pam_ros.node_help import NodeHelp
 from pam_ros.spin import spin_node
+from pam_ros.unforeseen import BROKEN
 
 class Drawer(Node):
     def __init__(self):

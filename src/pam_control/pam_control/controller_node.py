@@ -409,7 +409,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         node.loop.share_priority()
         return node
 
-    return spin_node(make_node, HELP, arguments, lambda node: node.loop.check(), mistake=PamError)
+    return spin_node(
+        make_node,
+        HELP,
+        arguments,
+        lambda node: node.loop.check(),
+        mistake=PamError,
+        only_at_start=True,
+    )
 
 
 if __name__ == "__main__":

@@ -28,6 +28,7 @@ def spin_node(
     check: Callable[[Any], None] | None = None,
     *,
     mistake: type[Exception],
+    only_at_start: bool = False,
 ) -> int:
     """Make a node and run it until SIGINT or SIGTERM.
 
@@ -46,6 +47,9 @@ def spin_node(
         ParameterError the text is printed, and the node ends. Any other exception is a fault of the
         program: it ends the node, too, and is reported in one line (`pam_ros.unforeseen`), or is
         raised if there is no node yet.
+    only_at_start : bool, optional
+        Whether it is a user's mistake only while the node is made: what a cycle raises later is a
+        fault of the program.
 
     Returns
     -------
@@ -72,8 +76,11 @@ def spin_node(
         except (KeyboardInterrupt, ExternalShutdownException):
             pass
         except (ParameterError, mistake) as error:
-            tell_mistake(error)
-            code = MISTAKE
+            if only_at_start and node is not None:
+                code = tell_unforeseen(node.get_logger(), error)
+            else:
+                tell_mistake(error)
+                code = MISTAKE
         except Exception as error:
             if node is None:
                 raise

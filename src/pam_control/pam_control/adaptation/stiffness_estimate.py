@@ -39,6 +39,7 @@ from pam_control.adaptation.rig_numbers import (
     RigNumbers,
     fitted_numbers,
 )
+from pam_control.limited import limited
 from pam_control.rows.plan_rows import N_MEMORY
 from pam_model.effects import effect_value
 from pam_model.errors import PamError
@@ -180,6 +181,8 @@ class StiffnessEstimate:
             return
         if self._coming is not None:
             self._build_next()
+        if not self._low <= position <= self._high:
+            return
         elapsed, self.since = self.since, 0.0
         torque = self._model.torque(*pressures, position)
         parts = np.array([each.torque(*pressures, position) - torque for each in self._changed])
@@ -251,6 +254,9 @@ class StiffnessEstimate:
         if len(self._built) > len(self._numbers):
             self._about, self._coming = self._coming, None
             self._model, *self._changed = self._built
+            # at the ends of the range of one model, another one may not be defined
+            ranges = [each.position_range for each in (self._written, *self._built)]
+            self._low, self._high = max(low for low, _ in ranges), min(high for _, high in ranges)
             self._moved = 0.0
             self._tolerance.fade(OLD_SHARE)
 
@@ -305,6 +311,7 @@ class StiffnessEstimate:
         """The stiffness at pressures [Pa] and a position [rad]."""
         if not all(map(math.isfinite, (*pressures, position))):
             return Stiffness(math.nan, math.nan, math.nan, False)
+        position = limited(position, self._low, self._high)
         here = self._model.stiffness(*pressures, position)
         slopes = np.zeros(len(self._prior))
         for index, each in enumerate(self._changed):
