@@ -111,8 +111,11 @@ def draw_series(series: ParameterSeries, width: float) -> Figure:
     dates_of: Any = mdates  # untyped
     axis.xaxis.set_major_formatter(dates_of.ConciseDateFormatter(axis.xaxis.get_major_locator()))
     axis.set_title(f"{series.name} ({series.joint})", fontsize=10, loc="left")
-    where = "outside lower center" if is_narrow(width) else "outside upper right"
-    figure.legend(*axis.get_legend_handles_labels(), loc=where, ncols=3)
+    legend = axis.get_legend_handles_labels()
+    if is_narrow(width):
+        figure.legend(*legend, loc="outside lower center", ncols=3)
+    else:
+        figure.legend(*legend, loc="outside upper right", ncols=3)
     axis.grid(axis="y", color="0.92")
     return figure
 
