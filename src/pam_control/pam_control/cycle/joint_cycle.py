@@ -19,6 +19,7 @@ import numpy as np
 from pam_control.feedback.gain_schedule import gains_at
 from pam_control.feedback.pid import (
     F_INTEGRAL,
+    G_OBSERVER,
     N_FEEDBACK,
     N_GAINS,
     integrate,
@@ -148,7 +149,7 @@ def sense(
         gains_at(u[i], U_SCHEDULE, u[i][U_SCHEDULED], k[i][K_STIFFNESS], k[i], K_GAINS)
         x[i][X_OUTPUT] = pid_output(k[i], f, K_GAINS, error, fresh)
         x[i][X_INTEGRAL] = k[i][f + F_INTEGRAL]
-        x[i][X_OBSERVER] = k[i][K_GAINS + 4]
+        x[i][X_OBSERVER] = k[i][K_GAINS + G_OBSERVER]
         x[i][X_POSITION], x[i][X_VELOCITY] = k[i][K_POSITION], k[i][K_VELOCITY]
         x[i][X_FRESH], x[i][X_MEASURED_AT] = fresh, measured_at
         k[i][K_SEEN_POSITION], k[i][K_SEEN_ERROR] = positions[i], error
