@@ -319,7 +319,7 @@ class FaultChain:
             return
         if self._tick % STATE_STEPS == 1:
             reduced = self.driver.people.reduced_speed(self.now)
-            self.controller.reduce_speed(reduced and self.obeys_speed, self.now)
+            self.controller.limits.reduce_speed(reduced and self.obeys_speed, self.now)
         references = self.controller.references
         if self.controller.active and self.motion is not None:
             angle, speed = self.motion(self.now)
