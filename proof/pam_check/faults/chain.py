@@ -24,9 +24,9 @@ from pam_control.controller import Controller
 from pam_driver.can_bus.bus import CanPort
 from pam_driver.driver import Driver
 from pam_driver.driver_settings import DriverSettings
-from pam_driver.safety.command_intake import CommandRefusedError, NamedCommand
 from pam_driver.safety.pressure_plausibility import PressurePlausibility
 from pam_driver.safety.states import SafetyState
+from pam_driver.safety.valve_command_intake import CommandRefusedError, NamedCommand
 from pam_driver.snapshot import Snapshot
 from pam_driver.start_up import StartUp
 from pam_model.errors import PamError

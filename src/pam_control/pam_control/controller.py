@@ -32,8 +32,8 @@ from pam_control.laws.law import AnyLaw
 from pam_control.laws.position_stiffness import PositionStiffness
 from pam_control.loop_design import LoopDesign, Loops, PreparedSettings
 from pam_control.loop_guard import GuardAction, LoopGuard, Means
-from pam_control.lowering import LoweringPhase, ReferenceLowering
 from pam_control.reference_limits import ReferenceLimits
+from pam_control.reference_lowering import LoweringPhase, ReferenceLowering
 from pam_control.references.reference_generator import ReferenceGenerator
 from pam_control.references.trajectory import CommandError
 from pam_control.settings import ControlSettings

@@ -13,7 +13,7 @@ from typing import Final
 
 from pam_control.control_step import Measurement
 from pam_control.controller_inputs import NodeSide
-from pam_driver.safety.command_intake import NamedCommand
+from pam_driver.safety.valve_command_intake import NamedCommand
 from pam_driver.snapshot import Snapshot
 from pam_ros.driver_state import COMMANDABLE
 from pam_ros.joint_state_publisher import JointStatePublisher
