@@ -99,7 +99,7 @@ def test_a_fit_removes_the_background_without_calling_it_a_cause(rig: Rig, recor
     engine = JointDiagnosis(rig, 0, [record(ordinary_amount, duration=9.0)])
     nominal = engine.fitter.fit_nominal()
     left = nominal.mean_square[2]
-    simulated = mean_squares(engine.fitter.simulated_errors(nominal), engine.problem.counted)[2]
+    simulated = mean_squares(nominal.simulated, engine.problem.counted)[2]
     assert simulated > 100.0 * engine.floor[2]
     assert engine.far_beyond() == frozenset()
     assert left < 0.1 * simulated
@@ -166,5 +166,5 @@ def test_the_play_of_a_good_spool_is_no_lag_of_the_valve(rig: Rig, record: Maker
         played[name] = wanted + half * direction
     engine = JointDiagnosis(rig, 0, [replace(recording, values=played)])
     nominal = engine.fitter.fit_nominal()
-    simulated = mean_squares(engine.fitter.simulated_errors(nominal), engine.problem.counted)
+    simulated = mean_squares(nominal.simulated, engine.problem.counted)
     assert (simulated[:2] > 2.0 * nominal.mean_square[:2]).all()

@@ -135,7 +135,7 @@ def first_look(engine: JointDiagnosis) -> FirstLook:
     nominal = fitter.fit_nominal()
     written = engine.written()
     values = fitter.vector((), nominal.result.values)
-    location = locate(problem, values, fitter.simulated_errors(nominal))
+    location = locate(problem, values, nominal.simulated)
     share = engine.rules.decision.material_share
     squares = [written.mean_square, nominal.mean_square, nominal.mean_square]
     sizes = gap_sizes(problem, noise_level(problem, values), share, share, squares)

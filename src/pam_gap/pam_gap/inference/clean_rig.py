@@ -78,8 +78,8 @@ def _guesses(
     at = len(fitter.nuisances)
     scaling = Scaling([nuisance.free for nuisance in fitter.nuisances])
     bases = singles[: fitter.rules.search.clean_bases]
-    start = fitter.simulated_errors(nominal)
-    errors = [fitter.simulated_errors(single) for single in singles]
+    start = nominal.simulated
+    errors = [single.simulated for single in singles]
     arrays: list[Slopes] = [error[..., None] for error in errors[: len(bases)]]
     arrays += [base.result.jacobian for base in bases]
     for single, error in zip(singles, errors, strict=True):

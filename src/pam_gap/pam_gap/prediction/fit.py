@@ -84,6 +84,8 @@ class PlantFit:
         Number of steps taken.
     amounts : ndarray, shape (k,)
         Amounts of the linear terms; `errors` contains them.
+    simulated : ndarray, shape (blocks, channels), optional
+        Errors of the simulation alone with these values; None where it was not simulated with them.
     """
 
     values: Array
@@ -92,6 +94,7 @@ class PlantFit:
     jacobian: Slopes
     iterations: int
     amounts: Array = field(default_factory=lambda: np.zeros(0))
+    simulated: Array | None = None
 
 
 def mean_squares(errors: Array, rows: npt.NDArray[np.bool_] | None = None) -> Array:
@@ -292,7 +295,8 @@ def best_step(
         if values[winner] < best:
             next_damping = max(damping * (0.1, 30.0, 10.0)[winner], 1e-5)
             kept = kept and attempt == 0
-            return FitStep(lanes[winner], errors[winner], float(values[winner]), next_damping, kept)
+            won = errors[winner].copy()  # a view keeps all lanes of the batch
+            return FitStep(lanes[winner], won, float(values[winner]), next_damping, kept)
         damping *= 1000.0
     return None
 
@@ -307,6 +311,7 @@ def fit_steps(
     guess: Slopes | None = None,
     max_iterations: int = 8,
     tolerance: float | None = None,
+    errors: Array | None = None,
     rules: PredictionRules = DEFAULT.prediction,
 ) -> FitSteps:
     """Fit the parameters from one starting point; the caller simulates the lanes it asks for.
@@ -335,6 +340,8 @@ def fit_steps(
     tolerance : float
         Decrease of the mean log J in one step below which the fit ends; default
         `rules.fit_tolerance`.
+    errors : ndarray, shape (blocks, channels), optional
+        Errors at the start, where they are known.
     rules : PredictionRules
         Difference step, dampings and weights.
     """
@@ -343,7 +350,8 @@ def fit_steps(
     is_tight = least_fall < rules.fit_tolerance
     n = len(free)
     at = np.clip(scaling.scaled(np.asarray(start, dtype=np.float64)), scaling.low, scaling.high)
-    errors = (yield scaling.own(at[None, :]))[0]
+    if errors is None:
+        errors = (yield scaling.own(at[None]))[0].copy()  # a view keeps all lanes of the batch
     counts = np.isfinite(errors[rows]).sum(axis=0).astype(np.float64)
     total = max(float(counts.sum()), 1.0)
 
@@ -390,7 +398,7 @@ def fit_steps(
             break
         if step.is_as_promised and not is_small:
             due = quick
-    return PlantFit(scaling.own(at), errors, best, running.jacobian, taken)
+    return PlantFit(scaling.own(at), errors, best, running.jacobian, taken, simulated=errors)
 
 
 def fit_together(

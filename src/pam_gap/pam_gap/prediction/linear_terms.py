@@ -96,6 +96,7 @@ def fit_steps_with_terms(
     guess: Slopes | None = None,
     max_iterations: int = 8,
     tolerance: float | None = None,
+    errors: Array | None = None,
     rules: PredictionRules = DEFAULT.prediction,
     amounts: Array | None = None,
 ) -> FitSteps:
@@ -105,14 +106,19 @@ def fit_steps_with_terms(
     ----------
     terms : LinearTerms
         The terms. The result holds their amounts, and its errors contain them.
+    errors : ndarray, shape (blocks, channels), optional
+        Errors of the simulation alone at the start, where they are known.
     amounts : ndarray, shape (k,), optional
         Amounts that are not fitted but kept.
     """
+    inside = np.clip(start, [p.low for p in free], [p.high for p in free])
+    if errors is None:
+        errors = (yield inside[None])[0]
     if amounts is not None:
         kept = terms.columns @ amounts
         steps = fit_steps(
             free, start, rows=rows, floor=floor, cached=cached, guess=guess,
-            max_iterations=max_iterations, tolerance=tolerance, rules=rules,
+            max_iterations=max_iterations, tolerance=tolerance, errors=errors + kept, rules=rules,
         )  # fmt: skip
         lanes = next(steps)
         while True:
@@ -120,10 +126,9 @@ def fit_steps_with_terms(
                 lanes = steps.send((yield lanes) + kept)
             except StopIteration as end:
                 found: PlantFit = end.value
-                return replace(found, amounts=amounts)
+                return replace(found, amounts=amounts, simulated=found.errors - kept)
     k = len(terms.free)
-    inside = np.clip(start, [p.low for p in free], [p.high for p in free])
-    amounts = best_amounts((yield inside[None])[0], terms, rows, floor)
+    amounts = best_amounts(errors, terms, rows, floor)
     steps = fit_steps(
         (*terms.free, *free),
         np.concatenate([amounts, inside]),
@@ -133,9 +138,10 @@ def fit_steps_with_terms(
         guess=guess,
         max_iterations=max_iterations,
         tolerance=tolerance,
+        errors=errors + terms.columns @ amounts,
         rules=rules,
     )
-    del cached, guess  # many fits run side by side, and each would keep its copy
+    del cached, guess, errors  # many fits run side by side, and each would keep its copy
     lanes = next(steps)
     while True:
         errors = (yield lanes[:, k:]) + np.moveaxis(terms.columns @ lanes[:, :k].T, -1, 0)
@@ -150,4 +156,5 @@ def fit_steps_with_terms(
                 found.jacobian[..., k:].copy(),  # a view would keep the whole of it
                 found.iterations,
                 found.values[:k],
+                found.errors - terms.columns @ found.values[:k],
             )
