@@ -238,15 +238,26 @@ class CandidateSearch:
         return SearchResult(nominal, [found])
 
     def again(self, result: SearchResult) -> SearchResult:
-        """The same hypotheses after the fitter has changed, each fitted from where it was."""
-        by_size = [
-            sorted(
-                self.fitter.fit_all([FitTask.further(h, self.rules.settled_steps) for h in found]),
-                key=self.level,
-            )
-            for found in result.by_size
-        ]  # fmt: skip
-        return SearchResult(self.fitter.fit_nominal(), by_size)
+        """Every single effect after the fitter has changed, beginning with the size found before.
+
+        Parameters
+        ----------
+        result : SearchResult
+            What `singles` found.
+        """
+        nominal = self.fitter.fit_nominal()
+        at = nominal.result.values.size
+        for h in result.by_size[0]:
+            self._last[h.label] = (h.result.values[at:],)
+        found = self.extend(
+            nominal,
+            screened=self.rules.first_screened,
+            finished=self.rules.first_finished,
+            task="one effect, no background",
+            shares=(0.3, 0.4),
+            warm=True,
+        )
+        return SearchResult(nominal, [found])
 
     def grow(self, result: SearchResult, shares: tuple[float, float]) -> None:
         """Add the hypotheses with one more effect, and try others for each effect of the best one.

@@ -17,11 +17,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import lsq_linear
 
 from pam_gap.prediction.running_equations import KnownColumns, RunningEquations
 from pam_gap.rules import DEFAULT
@@ -108,11 +108,15 @@ def mean_squares(errors: Array, rows: npt.NDArray[np.bool_] | None = None) -> Ar
     return mean
 
 
-def log_likelihood_gap(errors: Array, counts: Array, rows: npt.NDArray[np.bool_] | None) -> Array:
-    """Half of sum n_c log J_c for each lane; infinite where a prediction is not finite."""
-    mean = mean_squares(errors, rows)
+def log_likelihood(mean: Array, counts: Array) -> Array:
+    """Half of sum n_c log J_c for each lane, from J_c; shape (...)."""
     value: Array = 0.5 * np.sum(counts * np.log(np.maximum(mean, 1e-12)), axis=-1)
     return value
+
+
+def log_likelihood_gap(errors: Array, counts: Array, rows: npt.NDArray[np.bool_] | None) -> Array:
+    """Half of sum n_c log J_c for each lane; infinite where a prediction is not finite."""
+    return log_likelihood(mean_squares(errors, rows), counts)
 
 
 class Scaling:
@@ -173,6 +177,8 @@ def bounded_step(hessian: Array, slope: Array, low: Array, high: Array) -> Array
         before, at = at, np.where(x + force > most, 1, np.where(x + force < least, -1, 0))
         if (at == before).all():
             return np.asarray(np.clip(x / size, low, high))
+    from scipy.optimize import lsq_linear  # noqa: PLC0415  (slow to import, seldom needed)
+
     root = np.linalg.cholesky(scaled)
     bounds = (least - 1e-12, most + 1e-12)
     found = lsq_linear(root.T, -np.linalg.solve(root, pull), bounds, method="bvls", tol=1e-10)
@@ -246,7 +252,7 @@ class FitStep:
     damping : float
         Damping with which the next step begins.
     is_as_promised : bool
-        Whether the undamped step brought what the Jacobian promised.
+        Whether the undamped step brought what the Jacobian promised, and not much more either.
     """
 
     at: Array
@@ -265,12 +271,13 @@ def best_step(
     damping: float,
     attempts: int,
     objective: Callable[[Array, Array], Array],
+    expected: Callable[[Array], float],
     promise: float,
 ) -> Generator[Array, Array, FitStep | None]:
     """Try steps with several dampings; the best one that lowers the objective below `best`.
 
-    The first step is tried alone. Where it brings what the Jacobian promises, the shorter ones are
-    not simulated.
+    `expected` gives the objective after a step by the columns of the Jacobian. The first step is
+    tried alone. Where it brings what they promise, the shorter ones are not simulated.
     """
     scale = np.maximum(np.diag(hessian), 1e-9 * float(np.max(np.diag(hessian))) + 1e-12)
     low, high = scaling.low - at, scaling.high - at
@@ -284,8 +291,8 @@ def best_step(
         lanes = at + step[None]
         errors = yield scaling.own(lanes)
         values = objective(errors, lanes)
-        promised = -float(slope @ step + 0.5 * step @ hessian @ step)
-        kept = best - float(values[0]) > promise * promised > 0.0
+        promised, fell = best - expected(step), best - float(values[0])
+        kept = fell > promise * promised > 0.0
         if not kept:
             others = at + np.array([damped(30.0), 0.3 * step])
             lanes = np.concatenate([lanes, others])
@@ -294,7 +301,7 @@ def best_step(
         winner = int(np.argmin(values))
         if values[winner] < best:
             next_damping = max(damping * (0.1, 30.0, 10.0)[winner], 1e-5)
-            kept = kept and attempt == 0
+            kept = kept and attempt == 0 and promise * fell < promised
             won = errors[winner].copy()  # a view keeps all lanes of the batch
             return FitStep(lanes[winner], won, float(values[winner]), next_damping, kept)
         damping *= 1000.0
@@ -317,7 +324,7 @@ def fit_steps(
     """Fit the parameters from one starting point; the caller simulates the lanes it asks for.
 
     A parameter with a prior moves little, so that its column of the Jacobian is kept from step to
-    step. It is computed anew after a step that brought less than the columns promised, and before
+    step. It is computed anew after a step that brought other than the columns promised, and before
     a fit ends that has a tighter tolerance than usual. The columns of the other parameters are
     computed anew in every step.
 
@@ -359,6 +366,10 @@ def fit_steps(
         value = log_likelihood_gap(lane_errors, counts, rows) + scaling.penalty(lanes)
         return np.where(np.isfinite(value), value, np.inf)
 
+    def expected(now: Array, place: Array, step: Array) -> float:
+        left = log_likelihood(running.squares_after(step, now) / np.maximum(counts, 1.0), counts)
+        return float(left + scaling.penalty(place + step))
+
     best = float(objective(errors[None], at[None])[0])
     damping = rules.fit_damping
     if cached is None:
@@ -384,7 +395,7 @@ def fit_steps(
         slope += scaling.weight**2 * (at - scaling.centre)
         step = yield from best_step(
             hessian, slope, scaling, at, best, damping, rules.fit_attempts if is_new else 1,
-            objective, rules.fit_promise,
+            objective, partial(expected, errors, at), rules.fit_promise,
         )  # fmt: skip
         if step is None and is_new:
             break
