@@ -108,7 +108,7 @@ def test_a_fit_removes_the_background_without_calling_it_a_cause(rig: Rig, recor
     assert background is not None
     for part, amount in zip(background.terms.free, nominal.result.amounts, strict=True):
         assert part.low <= amount <= part.high
-    hysteresis = background.beside(("hysteresis",)).columns
+    hysteresis = background.beside(("hysteresis",)).slopes()
     assert not hysteresis[..., [name == "hysteresis" for name in background.effects]].any()
 
 

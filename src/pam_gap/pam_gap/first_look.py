@@ -152,11 +152,12 @@ def _ranked(engine: JointDiagnosis, nominal: Hypothesis) -> tuple[Resemblance, .
     """The effects by the share of the error that they remove; of several starts the best."""
     candidates = engine.candidates()
     engine.progress(f"one effect: {len(candidates)} candidates", 0.4)
+    reuse = nominal.result.jacobian
     tried = engine.fitter.fit_all(
         [
             FitTask(
                 (candidate,), np.concatenate([nominal.result.values, start]), 1,
-                cached=nominal.result.jacobian,
+                cached=reuse,
             )
             for candidate in candidates
             for start in candidate.starts

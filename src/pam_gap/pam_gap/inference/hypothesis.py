@@ -34,7 +34,7 @@ from pam_model.effects import EFFECTS
 from pam_model.plant.parameters import INDEX
 
 Rows = npt.NDArray[np.bool_]
-SIDE_BY_SIDE = 100_000_000
+SIDE_BY_SIDE = 50_000_000
 """Bytes that the Jacobians of fits that run side by side may take."""
 AT_THE_END = 0.005
 """Distance from the end of the range of a size, in ranges, within which it is at the end."""
@@ -104,7 +104,8 @@ class Hypothesis:
         result = replace(
             self.result,
             values=np.delete(self.result.values, cut),
-            jacobian=np.delete(self.result.jacobian, cut, axis=-1),
+            columns=np.delete(self.result.jacobian, cut, axis=-1),
+            reused=None,
             simulated=None,
         )
         members = self.members[:member] + self.members[member + 1 :]

@@ -78,23 +78,36 @@ class PlantFit:
         Whitened prediction errors at these values.
     objective : float
         Half the sum of n_c log J_c plus the priors, over the rows that were fitted.
-    jacobian : ndarray, shape (blocks, channels, n)
-        Derivative of the errors with respect to the scaled parameters, in single precision.
+    columns : ndarray, shape (blocks, channels, k)
+        The last columns of the Jacobian, those after `reused`, in single precision.
     iterations : int
         Number of steps taken.
     amounts : ndarray, shape (k,)
         Amounts of the linear terms; `errors` contains them.
     simulated : ndarray, shape (blocks, channels), optional
         Errors of the simulation alone with these values; None where it was not simulated with them.
+    reused : ndarray, shape (blocks, channels, n - k), optional
+        The first columns of the Jacobian, where the fit did not compute them; many results share
+        them.
     """
 
     values: Array
     errors: Array
     objective: float
-    jacobian: Slopes
+    columns: Slopes
     iterations: int
     amounts: Array = field(default_factory=lambda: np.zeros(0))
     simulated: Array | None = None
+    reused: Slopes | None = None
+
+    @property
+    def jacobian(self) -> Slopes:
+        """Derivative of the errors by the scaled parameters, shape (blocks, channels, n)."""
+        if self.reused is None:
+            return self.columns
+        if not self.columns.size:
+            return self.reused
+        return np.concatenate([self.reused, self.columns], axis=-1)
 
 
 def mean_squares(errors: Array, rows: npt.NDArray[np.bool_] | None = None) -> Array:
@@ -167,14 +180,16 @@ def bounded_step(hessian: Array, slope: Array, low: Array, high: Array) -> Array
     scaled[np.diag_indices(size.size)] += 1e-9
     pull, least, most = slope / size, low * size, high * size
     x, force = np.zeros_like(pull), np.zeros_like(pull)
-    at = np.zeros(pull.size, dtype=np.int64)
+    fixed = least == most
+    at = fixed.astype(np.int64)
     for _ in range(MOST_ACTIVE_SETS):
         free = at == 0
         x = np.where(at < 0, least, np.where(at > 0, most, 0.0))
         target = -pull[free] - scaled[np.ix_(free, ~free)] @ x[~free]
         x[free] = np.linalg.solve(scaled[np.ix_(free, free)], target)
         force = np.where(free, 0.0, -(scaled @ x + pull))
-        before, at = at, np.where(x + force > most, 1, np.where(x + force < least, -1, 0))
+        moved = x + force
+        before, at = at, np.where(fixed | (moved > most), 1, np.where(moved < least, -1, 0))
         if (at == before).all():
             return np.asarray(np.clip(x / size, low, high))
     from scipy.optimize import lsq_linear  # noqa: PLC0415  (slow to import, seldom needed)
@@ -372,9 +387,11 @@ def fit_steps(
 
     best = float(objective(errors[None], at[None])[0])
     damping = rules.fit_damping
-    if cached is None:
-        cached = np.zeros((*errors.shape, 0))
-    known = cached if isinstance(cached, KnownColumns) else KnownColumns(cached)
+    none = np.zeros((*errors.shape, 0))
+    kept = None if isinstance(cached, KnownColumns) else cached
+    known = (
+        cached if isinstance(cached, KnownColumns) else KnownColumns(none if kept is None else kept)
+    )
     running = RunningEquations(n, errors, rows, known)
     reused, guessed = known.count, 0 if guess is None else guess.shape[-1]
     places = np.arange(n)
@@ -409,7 +426,9 @@ def fit_steps(
             break
         if step.is_as_promised and not is_small:
             due = quick
-    return PlantFit(scaling.own(at), errors, best, running.jacobian, taken, simulated=errors)
+    return PlantFit(
+        scaling.own(at), errors, best, running.own_columns, taken, simulated=errors, reused=kept
+    )
 
 
 def fit_together(
@@ -430,17 +449,23 @@ def fit_together(
         In the order of `fits`; each is the same as that of the fit alone.
     """
     results: dict[int, PlantFit] = {}
-    asked = {k: complete(next(steps)) for k, (complete, steps) in enumerate(fits)}
+    asked: dict[int, Array] = {}
+
+    def go_on(k: int, errors: Array | None) -> None:
+        complete, steps = fits[k]
+        try:
+            asked[k] = complete(next(steps) if errors is None else steps.send(errors))
+        except StopIteration as end:
+            results[k] = end.value
+            asked.pop(k, None)
+
+    for k in range(len(fits)):
+        go_on(k, None)
     while asked:
         errors = predict(np.concatenate(list(asked.values())))
         first = 0
         for k, lanes in list(asked.items()):
-            complete, steps = fits[k]
-            try:
-                asked[k] = complete(steps.send(errors[first : first + len(lanes)]))
-            except StopIteration as end:
-                results[k] = end.value
-                del asked[k]
+            go_on(k, errors[first : first + len(lanes)])
             first += len(lanes)
     return [results[k] for k in range(len(fits))]
 

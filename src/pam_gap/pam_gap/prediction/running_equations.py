@@ -15,6 +15,13 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 
 
+def _compact(columns: npt.NDArray[np.floating[Any]]) -> Array:
+    """The columns of one channel in double precision; zeros alone take no memory."""
+    if not columns.any():
+        return np.broadcast_to(0.0, columns.shape)
+    return np.ascontiguousarray(columns, dtype=np.float64)
+
+
 class KnownColumns:
     """Columns of a Jacobian that do not change, and their products, for any number of fits.
 
@@ -22,12 +29,19 @@ class KnownColumns:
     ----------
     columns : ndarray, shape (blocks, channels, m)
         The columns; entries that are not finite count as 0.
+    source : ndarray, optional
+        An array that they were made from, which is kept as long as they are.
     """
 
-    def __init__(self, columns: npt.NDArray[np.floating[Any]]) -> None:
+    def __init__(
+        self,
+        columns: npt.NDArray[np.floating[Any]],
+        source: npt.NDArray[np.floating[Any]] | None = None,
+    ) -> None:
+        self.source = source
         if not np.isfinite(columns.sum()):
             columns = np.where(np.isfinite(columns), columns, 0.0)
-        self.columns: Array = np.ascontiguousarray(np.moveaxis(columns, 1, 0), dtype=np.float64)
+        self.columns = [_compact(columns[:, channel]) for channel in range(columns.shape[1])]
         self.count = columns.shape[-1]
         self._products: dict[bytes, Array] = {}
 
@@ -80,12 +94,10 @@ class RunningEquations:
         self._products[:, :first, :first] = known.products(chosen)
 
     @property
-    def jacobian(self) -> npt.NDArray[np.float32]:
-        """The present columns, shape (blocks, channels, n); 0 where they are not finite."""
-        m, n = self._known.count, self._products.shape[-1]
-        result = np.zeros((*self._used.shape, n), dtype=np.float32)
-        result[..., :m] = np.moveaxis(self._known.columns, 0, 1)
-        result[:, self._channels, m:] = np.moveaxis(self._own, 0, 1)
+    def own_columns(self) -> npt.NDArray[np.float32]:
+        """The columns after the known ones, shape (blocks, channels, n - m); 0 if not finite."""
+        result = np.zeros((*self._used.shape, self._own.shape[-1]), dtype=np.float32)
+        result[:, self._channels] = np.moveaxis(self._own, 0, 1)
         return result
 
     def put(self, columns: npt.NDArray[np.intp], values: npt.NDArray[np.floating[Any]]) -> None:
