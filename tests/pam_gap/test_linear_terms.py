@@ -101,3 +101,21 @@ def test_no_point_is_simulated_twice_and_a_fit_goes_on_where_another_one_ended(
     assert len(simulated) == len(set(simulated)) == count + 1
     assert known.objective == pytest.approx(again.objective, abs=1e-6)
     assert known.values == pytest.approx(again.values, rel=1e-6)
+
+
+def test_terms_without_some_share_the_columns_and_fix_the_amounts_of_these_at_0() -> None:
+    columns = np.stack([WAVE, 20.0 * np.cos(3.0 * TIME)], axis=-1)[:, None]
+    amount = FreeParameter("amount", 0.2, 1.0, 0.5)
+    terms = LinearTerms(columns, (amount, amount)).without([True, False])
+    assert terms.columns is columns
+
+    def predict(lanes: np.ndarray) -> np.ndarray:
+        return 10.0 * (lanes - 2.0)[:, :, None] - columns @ np.array([0.5, 0.7])
+
+    free = [FreeParameter("size", 0.0, 10.0, 1.0)]
+    steps = fit_steps_with_terms(free, np.array([1.5]), terms, rows=ROWS, floor=np.ones(1))
+    result = fit_together([(lambda lanes: lanes, steps)], predict)[0]
+    assert result.amounts[0] == 0.0
+    assert result.amounts[1] == pytest.approx(0.7, abs=0.1)
+    np.testing.assert_array_equal(terms.slopes()[..., 0], 0.0)
+    np.testing.assert_allclose(terms.slopes()[..., 1], 0.5 * columns[..., 1])

@@ -21,10 +21,10 @@ from pam_gap.prediction.fit import (
     PlantFit,
     Scaling,
     Slopes,
-    bounded_step,
     fit_steps,
     mean_squares,
 )
+from pam_gap.prediction.fit_step import bounded_step
 from pam_gap.prediction.running_equations import KnownColumns, RunningEquations
 from pam_gap.rules import DEFAULT
 from pam_gap.rules.prediction_rules import PredictionRules
