@@ -1,5 +1,6 @@
 """An ordinary background is fitted in whole diagnoses of simulated recordings, and is not named."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 
 from pam_gap.diagnosis_engine import JointDiagnosis
 from pam_gap.inference.candidates import ordinary_sizes
+from pam_gap.inference.hypothesis import FitTask, Hypothesis
 from pam_gap.inference.search import CandidateSearch
 from pam_gap.prediction.fit import mean_squares
 from pam_gap.rules import DEFAULT
@@ -64,6 +66,35 @@ def test_a_background_is_no_pair_of_causes(rig: Rig, record: Maker) -> None:
     assert without.has_no_background(
         CandidateSearch(without.fitter, without.candidates()).singles()
     )
+
+
+@needs_numba
+def test_a_search_without_a_background_goes_on_from_the_sizes_found_with_one(
+    rig: Rig, record: Maker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It took longer than everything else: all single effects were fitted to the end."""
+    volumes = {f"{side}.dead_volume": 6e-5 for side in ("agonist", "antagonist")}
+    engine = with_few(JointDiagnosis(rig, 0, [record(volumes)]))
+    search = CandidateSearch(engine.fitter, engine.candidates())
+    first = search.singles()
+    engine.fitter.without_background()
+    fit_all, asked = engine.fitter.fit_all, []
+
+    def noted(tasks: Sequence[FitTask]) -> list[Hypothesis]:
+        asked.append(tasks)
+        return fit_all(tasks)
+
+    monkeypatch.setattr(engine.fitter, "fit_all", noted)
+    again = search.again(first)
+    at = len(engine.fitter.nuisances)
+    found = {h.label: h.result.values[at:] for h in first.by_size[0]}
+    for task in asked[0]:
+        assert task.max_iterations == engine.rules.search.screening_steps
+        assert task.cached is not None
+        np.testing.assert_array_equal(task.start[at:], found[task.members[0].label])
+    assert {h.label for h in again.by_size[0]} == set(found)
+    assert again.by_size[0][0].effects == ("dead_volume",)
+    assert search.level(again.by_size[0][0]) < 1.0
 
 
 @needs_numba
