@@ -204,6 +204,7 @@ class JointDiagnosis:
         if self.fitter.background is None or not (whole[self.present] > 0.0).all():
             return False
         share = partial(self.judge.share_of, background=whole)
+        self.progress("one or two effects, no background", 0.36)
         return is_clean(self.fitter, result.nominal, result.by_size[0], share)
 
     def _goes_on(self, search: CandidateSearch, result: SearchResult) -> bool:

@@ -254,7 +254,7 @@ class CandidateSearch:
             screened=self.rules.first_screened,
             finished=self.rules.first_finished,
             task="one effect, no background",
-            shares=(0.3, 0.4),
+            shares=(0.37, 0.4),
             warm=True,
         )
         return SearchResult(nominal, [found])
