@@ -5,13 +5,12 @@ import pytest
 
 from pam_gap.prediction.fit import (
     FreeParameter,
-    Scaling,
     fit,
     fit_steps,
     fit_together,
     mean_squares,
 )
-from pam_gap.prediction.fit_step import FitStep, best_step, bounded_step
+from pam_gap.prediction.fit_step import bounded_step
 
 ROWS = np.ones(400, dtype=bool)
 
@@ -84,27 +83,6 @@ def test_bounded_step_is_the_minimum_in_the_box(seed: int) -> None:
 
     trials = random.uniform(low, high, (4000, 6))
     assert value(step) <= min(value(x) for x in trials) + 1e-9
-
-
-@pytest.mark.parametrize(("told", "as_promised"), [(0.1, False), (1.0, True), (3.0, False)])
-def test_a_step_that_brings_other_than_the_columns_promised_shows_that_they_are_outdated(
-    told: float, as_promised: bool
-) -> None:
-    """Outdated columns also hide how far the errors could still fall: less is not the only sign."""
-    steps = best_step(
-        np.eye(1), np.array([-3.0]), Scaling([FreeParameter("x", -10.0, 10.0, 1.0)]), np.zeros(1),
-        4.5, 1e-3, 1, lambda _, lanes: 0.5 * (lanes[:, 0] - 3.0) ** 2,
-        lambda step: 4.5 - told * float(3.0 * step[0] - 0.5 * step[0] ** 2), 0.7,
-    )  # fmt: skip
-    lanes = next(steps)
-    taken: FitStep | None = None
-    with pytest.raises(StopIteration) as end:
-        while True:
-            lanes = steps.send(np.zeros((len(lanes), 1, 1)))
-    taken = end.value.value
-    assert taken is not None
-    assert taken.at[0] == pytest.approx(3.0, abs=0.01)
-    assert taken.is_as_promised == as_promised
 
 
 def test_fits_side_by_side_give_what_each_gives_alone_in_fewer_batches() -> None:

@@ -17,7 +17,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -121,15 +120,11 @@ def mean_squares(errors: Array, rows: npt.NDArray[np.bool_] | None = None) -> Ar
     return mean
 
 
-def log_likelihood(mean: Array, counts: Array) -> Array:
-    """Half of sum n_c log J_c for each lane, from J_c; shape (...)."""
-    value: Array = 0.5 * np.sum(counts * np.log(np.maximum(mean, 1e-12)), axis=-1)
-    return value
-
-
 def log_likelihood_gap(errors: Array, counts: Array, rows: npt.NDArray[np.bool_] | None) -> Array:
     """Half of sum n_c log J_c for each lane; infinite where a prediction is not finite."""
-    return log_likelihood(mean_squares(errors, rows), counts)
+    mean = mean_squares(errors, rows)
+    value: Array = 0.5 * np.sum(counts * np.log(np.maximum(mean, 1e-12)), axis=-1)
+    return value
 
 
 class Scaling:
@@ -236,7 +231,7 @@ def fit_steps(
     """Fit the parameters from one starting point; the caller simulates the lanes it asks for.
 
     A parameter with a prior moves little, so that its column of the Jacobian is kept from step to
-    step. It is computed anew after a step that brought other than the columns promised, and before
+    step. It is computed anew after a step that brought less than the columns promised, and before
     a fit ends that has a tighter tolerance than usual. The columns of the other parameters are
     computed anew in every step.
 
@@ -278,10 +273,6 @@ def fit_steps(
         value = log_likelihood_gap(lane_errors, counts, rows) + scaling.penalty(lanes)
         return np.where(np.isfinite(value), value, np.inf)
 
-    def expected(now: Array, place: Array, step: Array) -> float:
-        left = log_likelihood(running.squares_after(step, now) / np.maximum(counts, 1.0), counts)
-        return float(left + scaling.penalty(place + step))
-
     best = float(objective(errors[None], at[None])[0])
     damping = rules.fit_damping
     none = np.zeros((*errors.shape, 0))
@@ -309,7 +300,7 @@ def fit_steps(
         slope += scaling.weight**2 * (at - scaling.centre)
         step = yield from best_step(
             hessian, slope, scaling, at, best, damping, rules.fit_attempts if is_new else 1,
-            objective, partial(expected, errors, at), rules.fit_promise,
+            objective, rules.fit_promise,
         )  # fmt: skip
         if step is None and is_new:
             break

@@ -66,7 +66,7 @@ class FitStep:
     damping : float
         Damping with which the next step begins.
     is_as_promised : bool
-        Whether the undamped step brought what the Jacobian promised, and not much more either.
+        Whether the undamped step brought what the Jacobian promised.
     """
 
     at: Array
@@ -85,13 +85,12 @@ def best_step(
     damping: float,
     attempts: int,
     objective: Callable[[Array, Array], Array],
-    expected: Callable[[Array], float],
     promise: float,
 ) -> Generator[Array, Array, FitStep | None]:
     """Try steps with several dampings; the best one that lowers the objective below `best`.
 
-    `expected` gives the objective after a step by the columns of the Jacobian. The first step is
-    tried alone. Where it brings what they promise, the shorter ones are not simulated.
+    The first step is tried alone. Where it brings what the Jacobian promises, the shorter ones are
+    not simulated.
     """
     scale = np.maximum(np.diag(hessian), 1e-9 * float(np.max(np.diag(hessian))) + 1e-12)
     low, high = scaling.low - at, scaling.high - at
@@ -105,8 +104,8 @@ def best_step(
         lanes = at + step[None]
         errors = yield scaling.own(lanes)
         values = objective(errors, lanes)
-        promised, fell = best - expected(step), best - float(values[0])
-        kept = fell > promise * promised > 0.0
+        promised = -float(slope @ step + 0.5 * step @ hessian @ step)
+        kept = best - float(values[0]) > promise * promised > 0.0
         if not kept:
             others = at + np.array([damped(30.0), 0.3 * step])
             lanes = np.concatenate([lanes, others])
@@ -115,7 +114,7 @@ def best_step(
         winner = int(np.argmin(values))
         if values[winner] < best:
             next_damping = max(damping * (0.1, 30.0, 10.0)[winner], 1e-5)
-            kept = kept and attempt == 0 and promise * fell < promised
+            kept = kept and attempt == 0
             won = errors[winner].copy()  # a view keeps all lanes of the batch
             return FitStep(lanes[winner], won, float(values[winner]), next_damping, kept)
         damping *= 1000.0

@@ -128,23 +128,6 @@ class RunningEquations:
             products[m:, at] = own.T @ used
             products[at] = products[:, at].T
 
-    def squares_after(self, step: Array, errors: Array) -> Array:
-        """Sums of the squared errors after a step by the columns, shape (channels,).
-
-        Parameters
-        ----------
-        step : ndarray, shape (n,)
-            The step of all parameters.
-        errors : ndarray, shape (blocks, channels)
-            Errors at the present point.
-        """
-        sums, m = np.zeros(errors.shape[1]), self._known.count
-        for channel, own in zip(self._channels, self._own, strict=True):
-            now = errors[:, channel] + self._known.columns[channel] @ step[:m] + own @ step[m:]
-            present = np.where(np.isfinite(now), now, 0.0) * self._used[:, channel]
-            sums[channel] = present @ present
-        return sums
-
     def equations(self, errors: Array, weights: Array) -> tuple[Array, Array]:
         """J'WJ and J'We at the present point.
 
