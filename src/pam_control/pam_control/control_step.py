@@ -71,6 +71,17 @@ class Moment(NamedTuple):
     time: float
     reference: JointReference
 
+    @classmethod
+    def at(cls, row: Sequence[float], place: int) -> Moment:
+        """The moment that begins at a place of a row: the time, then the reference."""
+        return cls(row[place], JointReference(*row[place + 1 : place + 4]))
+
+    @property
+    def row(self) -> tuple[float, ...]:
+        """As in a row."""
+        at = self.reference
+        return self.time, at.position, at.velocity, at.acceleration
+
 
 @dataclass(slots=True)
 class PlanRequest:

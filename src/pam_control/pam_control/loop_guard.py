@@ -25,7 +25,7 @@ from enum import Enum
 from typing import NamedTuple
 
 from pam_control.control_step import JointTelemetry
-from pam_control.feedback.loop_watch import OscillationWatch, TrackingWatch
+from pam_control.feedback.motion_watch import OscillationWatch, TrackingWatch
 from pam_control.feedback.swing_watch import Reversals, Swings, SwingWatch
 from pam_model.robot import RobotJoint
 

@@ -1,4 +1,4 @@
-"""Watches the error of a joint, at rest and in motion, for swings too small for `loop_watch`.
+"""Watches the error of a joint, at rest and in motion, for swings too small for `motion_watch`.
 
 A loop with more delay than its gains bear, with a tube before a muscle, or with dry friction and an
 integral, may swing about its reference with an amplitude of some milliradians, whose speed is far
