@@ -237,6 +237,9 @@ class JointTelemetry(NamedTuple):
         Number of muscles that were found to be behind a tube.
     law : LawTelemetry
         What the control law says.
+    unexplained : float
+        Torque of the muscles beside that of the model at the measured motion, with that of the
+        inertia [N m]; NaN if it is not computed.
     """
 
     reference: JointReference = JointReference(math.nan)
@@ -246,6 +249,7 @@ class JointTelemetry(NamedTuple):
     clipped: tuple[str, ...] = ()
     behind_tube: int = 0
     law: LawTelemetry = LawTelemetry()
+    unexplained: float = math.nan
 
     @property
     def torque(self) -> float:

@@ -205,6 +205,7 @@ class JointDiagnosis:
         if self.fitter.background is None or not (whole[self.present] > 0.0).all():
             return False
         share = partial(self.judge.share_of, background=whole)
+        self.progress("one or two effects, no background", 0.36)
         return is_clean(self.fitter, result.nominal, result.by_size[0], share)
 
     def _goes_on(self, search: CandidateSearch, result: SearchResult) -> bool:
@@ -260,12 +261,7 @@ class JointDiagnosis:
     def bare_scores(self, hypotheses: Sequence[Hypothesis]) -> list[HeldOut]:
         """Fit and score hypotheses again without any background."""
         steps = self.rules.search.settled_steps
-        fits = self.fitter.fit_all(
-            [
-                FitTask(h.members, h.result.values, steps, guess=h.result.jacobian, is_bare=True)
-                for h in hypotheses
-            ]
-        )
+        fits = self.fitter.fit_all([FitTask.further(h, steps, is_bare=True) for h in hypotheses])
         return score_all(self.fitter, self.folds, fits)
 
     def scores(self, hypotheses: Sequence[Hypothesis]) -> list[HeldOut]:
@@ -391,7 +387,7 @@ class JointDiagnosis:
         unlisted = self.unlisted_scores(scores, result.nominal, result.by_size[0])
         retuned = nominal.hypothesis
         vector = self.fitter.vector((), retuned.result.values)
-        location = locate(self.problem, vector, self.fitter.simulated_errors(retuned))
+        location = locate(self.problem, vector, retuned.simulated)
         evidence = Evidence(
             floor=self.floor,
             background=self.judge.background,

@@ -55,6 +55,7 @@ from pam_control.rows.plan_rows import (
     X_TORQUE,
     X_TORQUE_LIMITED,
     X_TRUE_STIFFNESS,
+    X_UNEXPLAINED,
 )
 
 
@@ -313,8 +314,9 @@ class JointChannel:
 
     def tell(self, x: list[float], k: list[float]) -> None:
         """Keep the telemetry of a cycle, from the joint's rows."""
-        law = self._law_telemetry
+        law, unexplained = self._law_telemetry, math.nan
         if law is None:
+            unexplained = x[X_UNEXPLAINED]
             law = LawTelemetry(
                 x[X_TORQUE],
                 x[X_STIFFNESS],
@@ -337,6 +339,7 @@ class JointChannel:
             clipped,
             sum(loop.behind_tube for loop in self.loops),
             law,
+            unexplained,
         )
 
 

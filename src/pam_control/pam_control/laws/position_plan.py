@@ -102,6 +102,7 @@ from pam_control.rows.plan_rows import (
     X_TORQUE_LIMITED,
     X_TORQUE_SEEN,
     X_TRUE_STIFFNESS,
+    X_UNEXPLAINED,
     X_USUAL,
     X_VELOCITY,
     X_WANTED,
@@ -247,13 +248,15 @@ def plan_now(
         torque += x[X_LOST]
     x[X_PLANNED_TORQUE], x[X_LEARNT] = torque, 0.0
     x[X_IS_DUE] = x[X_ESTIMATE_DUE] = 0.0
+    x[X_UNEXPLAINED] = math.nan
     if s[S_ADAPTS] > 0.0:
         position, speed = y[Y_LAGGING], y[Y_LAGGING_SPEED]
         known = planned_at(plans, ends, x[X_SEEN], P_KNOWN)
         model = static_torque(c, position, speed)
         muscles = x[X_TORQUE_LAGGING]
+        x[X_UNEXPLAINED] = muscles + known - model
         is_due = take_torque(
-            a, x[X_FRESH], muscles + known - model, (muscles - x[X_TORQUE_BEFORE]) / RATE_SPAN,
+            a, x[X_FRESH], x[X_UNEXPLAINED], (muscles - x[X_TORQUE_BEFORE]) / RATE_SPAN,
             position, speed, s[S_SPEED_FILTER],
         )  # fmt: skip
         x[X_BESIDE] = known - model + gravity(c, position)
