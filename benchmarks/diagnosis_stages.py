@@ -25,7 +25,7 @@ from diagnosis_bench import declare_rigs, draw_cases
 
 from pam_gap.answer.report import write_report
 from pam_gap.answer.report_of_diagnosis import report_data
-from pam_gap.diagnose_recordings import prepared_subject
+from pam_gap.diagnose_recordings import DiagnosisOptions, prepared_subject
 from pam_gap.diagnosis_files import to_diagnose
 from pam_gap.first_look import first_look
 from pam_gap.prediction.problem import PredictionProblem
@@ -112,7 +112,7 @@ def staged_diagnosis(case: Path, out: Path, threads: int, *, quick: bool) -> lis
         rig, read, names = to_diagnose(
             [case / "recording.csv.gz"], case / "rig.yaml", None, ((), (), ())
         )
-        engine = prepared_subject(rig, names[0], read, threads=threads, progress=clock.enter)
+        engine = prepared_subject(rig, names[0], read, DiagnosisOptions(threads, clock.enter))
         if quick:
             first_look(engine)
         else:

@@ -13,7 +13,7 @@ from pam_gap.inference.search import CandidateSearch
 from pam_gap.prediction.fit import mean_squares
 from pam_gap.rules import DEFAULT
 from pam_model.plant.compiled import HAVE_NUMBA
-from pam_model.plant.lever_arm import LeverArm
+from pam_model.plant.uneven_pulley import UnevenPulley
 from pam_model.rig import Rig
 
 from .conftest import Maker
@@ -111,7 +111,7 @@ def test_an_eccentric_encoder_is_no_offset_of_it(rig: Rig, record: Maker) -> Non
 
 @needs_numba
 def test_an_eccentric_pulley_is_no_wrong_radius(rig: Rig, record: Maker) -> None:
-    engine = JointDiagnosis(rig, 0, [record(arm=LeverArm(1.1, 0.35, -0.1, 0.02))])
+    engine = JointDiagnosis(rig, 0, [record(arm=UnevenPulley(1.1, 0.35, -0.1, 0.02))])
     few = [c for c in engine.candidates() if c.effect in ("pulley_radius", "position_offset")]
     engine.candidates = lambda: few  # type: ignore[method-assign]
     answer = engine.run()

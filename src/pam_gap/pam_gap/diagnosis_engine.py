@@ -23,7 +23,7 @@ from pam_gap.inference.candidates import Candidate, applicable, candidates_for
 from pam_gap.inference.clean_rig import is_clean
 from pam_gap.inference.decide import Verdict, close_calls, decide, judge_of
 from pam_gap.inference.decision import Decision, Judge
-from pam_gap.inference.discrepancy_model import explain_leftover
+from pam_gap.inference.discrepancy_model import explained_leftover
 from pam_gap.inference.evidence import Evidence
 from pam_gap.inference.excitation import not_shown
 from pam_gap.inference.held_out import (
@@ -420,8 +420,8 @@ class JointDiagnosis:
             "level_after": self.judge.level(told),
         }
         if chosen is not None:
-            leftover = explain_leftover(self.problem, self.folds, chosen.hypothesis.result.errors)
-            facts["leftover_explained"] = float(leftover.explained[self.present].max())
+            leftover = explained_leftover(self.problem, self.folds, chosen.hypothesis.result.errors)
+            facts["leftover_explained"] = float(leftover[self.present].max())
         return facts | {
             "seconds": time.monotonic() - started,
             "simulations": self.problem.simulations,
