@@ -299,8 +299,8 @@ def fit_steps(
         hessian[np.diag_indices(n)] += scaling.weight**2
         slope += scaling.weight**2 * (at - scaling.centre)
         step = yield from best_step(
-            hessian, slope, scaling, at, best, damping, rules.fit_attempts if is_new else 1,
-            objective, rules.fit_promise,
+            hessian, slope, scaling.own, (scaling.low, scaling.high), at, best, damping,
+            rules.fit_attempts if is_new else 1, objective, rules.fit_promise,
         )  # fmt: skip
         if step is None and is_new:
             break

@@ -7,13 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
-
-if TYPE_CHECKING:
-    from pam_gap.prediction.fit import Scaling
 
 Array = npt.NDArray[np.float64]
 MOST_ACTIVE_SETS = 20
@@ -79,7 +75,8 @@ class FitStep:
 def best_step(
     hessian: Array,
     slope: Array,
-    scaling: Scaling,
+    own: Callable[[Array], Array],
+    box: tuple[Array, Array],
     at: Array,
     best: float,
     damping: float,
@@ -91,9 +88,30 @@ def best_step(
 
     The first step is tried alone. Where it brings what the Jacobian promises, the shorter ones are
     not simulated.
+
+    Parameters
+    ----------
+    hessian, slope : ndarray
+        Of the objective at `at`, scaled.
+    own : callable
+        Converts scaled points to the parameters' own units, which are yielded for simulation.
+    box : tuple of ndarray
+        Least and greatest scaled values.
+    at : ndarray, shape (n,)
+        Where the step begins, scaled.
+    best : float
+        Objective there.
+    damping : float
+        First damping.
+    attempts : int
+        How often it is raised.
+    objective : callable
+        Of the errors and the scaled points.
+    promise : float
+        Share of the promised fall from which a step brings what was promised.
     """
     scale = np.maximum(np.diag(hessian), 1e-9 * float(np.max(np.diag(hessian))) + 1e-12)
-    low, high = scaling.low - at, scaling.high - at
+    low, high = box[0] - at, box[1] - at
     for attempt in range(attempts):
 
         def damped(factor: float, now: float = damping) -> Array:
@@ -102,14 +120,14 @@ def best_step(
 
         step = damped(min(attempt, 1))
         lanes = at + step[None]
-        errors = yield scaling.own(lanes)
+        errors = yield own(lanes)
         values = objective(errors, lanes)
         promised = -float(slope @ step + 0.5 * step @ hessian @ step)
         kept = best - float(values[0]) > promise * promised > 0.0
         if not kept:
             others = at + np.array([damped(30.0), 0.3 * step])
             lanes = np.concatenate([lanes, others])
-            errors = np.concatenate([errors, (yield scaling.own(others))])
+            errors = np.concatenate([errors, (yield own(others))])
             values = objective(errors, lanes)
         winner = int(np.argmin(values))
         if values[winner] < best:
