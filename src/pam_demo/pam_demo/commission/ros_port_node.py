@@ -22,6 +22,7 @@ from multiprocessing.connection import Connection
 from typing import Any, Final
 
 import rclpy
+from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -30,6 +31,7 @@ from sensor_msgs.msg import JointState
 from pam_demo.commission.robot_port import JointReading
 from pam_model.errors import PamError
 from pam_model.rig import Rig
+from pam_ros.driver_state import LATCHED, reason_against_commands
 from pam_ros.node_end import end_node
 from pam_ros.periodic import PeriodicLoop
 from pam_ros.start import start_ros
@@ -77,11 +79,13 @@ class RosPortNode(Node):  # type: ignore[misc]
         self._position, self._position_at = math.nan, -math.inf
         self._pressures: dict[str, float] = {}
         self._pressures_at = -math.inf
+        self._refusal = ""
         self._turn = threading.Condition()
         self._turns = self._asked = 0
         self._publisher = self.create_publisher(JointState, "valve_commands", QoSProfile(depth=1))
         subscribe(self, JointState, "joint_states", self._take_positions, _SENSED)
         subscribe(self, JointState, "pressure_states", self._take_pressures, _SENSED)
+        subscribe(self, DiagnosticStatus, "pam_driver/state", self._take_state, LATCHED)
         self.loop = PeriodicLoop(self._send, period, "commission")
 
     def _take_positions(self, message: Any) -> None:
@@ -92,6 +96,9 @@ class RosPortNode(Node):  # type: ignore[misc]
     def _take_pressures(self, message: Any) -> None:
         self._pressures = dict(zip(message.name, message.effort, strict=False))
         self._pressures_at = time.monotonic()
+
+    def _take_state(self, message: Any) -> None:
+        self._refusal = reason_against_commands(message)
 
     def _send(self, _: float) -> None:
         with self._turn:
@@ -109,8 +116,9 @@ class RosPortNode(Node):  # type: ignore[misc]
         fresh = now - min(self._position_at, self._pressures_at) < MAX_AGE
         pressures = [self._pressures.get(name, math.nan) for name in self._muscles]
         if not fresh:
-            return JointReading(now, math.nan, (math.nan, math.nan))
-        return JointReading(now, self._position, (float(pressures[0]), float(pressures[1])))
+            return JointReading(now, math.nan, (math.nan, math.nan), self._refusal)
+        shown = float(pressures[0]), float(pressures[1])
+        return JointReading(now, self._position, shown, self._refusal)
 
     def advance(self, commands: Sequence[float]) -> JointReading:
         """As of every `RobotPort`: sends the commands in the next turn of the loop.
@@ -143,7 +151,7 @@ class RosPortNode(Node):  # type: ignore[misc]
         deadline = time.monotonic() + FIRST
         while True:
             reading = self.advance([self._vented[self._names.index(m)] for m in self._muscles])
-            if all(map(math.isfinite, (reading.position, *reading.pressures))):
+            if reading.known:
                 return
             if time.monotonic() > deadline:
                 raise PamError(

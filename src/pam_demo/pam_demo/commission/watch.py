@@ -72,8 +72,8 @@ def watched(seen: Seen, reading: JointReading, limits: Limits) -> tuple[Seen, st
     limits : Limits
         Of the joint.
     """
-    if not all(map(math.isfinite, (reading.position, *reading.pressures))):
-        return seen, "a pressure or the angle is missing or too old"
+    if reading.problem:
+        return seen, reading.problem
     speed = seen.speed
     step = reading.time - seen.time
     if step > 0.0:
