@@ -243,7 +243,7 @@ def play(port: RobotPort, rig: Rig, motion: SampledMotion, scale: Scale, limits:
     most, behind = np.zeros(3), 0
     try:
         for k in range(motion.level.size):
-            seen, stopped = watched(seen, reading, limits)
+            seen, stopped = watched(seen, reading, limits, port.period)
             short = 0.5 * sum(reading.pressures) < FOLLOWS * motion.level[k] - NOT_EMPTY
             behind = behind + 1 if short else 0
             if behind * motion.period > FOLLOWS_WITHIN:

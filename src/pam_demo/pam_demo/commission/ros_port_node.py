@@ -12,7 +12,6 @@ from __future__ import annotations
 import contextlib
 import math
 import multiprocessing
-import os
 import signal
 import threading
 import time
@@ -33,7 +32,7 @@ from pam_model.errors import PamError
 from pam_model.rig import Rig
 from pam_ros.driver_state import LATCHED, reason_against_commands
 from pam_ros.node_end import end_node
-from pam_ros.periodic import PeriodicLoop
+from pam_ros.periodic import PeriodicLoop, real_time, take_priority
 from pam_ros.start import start_ros
 from pam_ros.steady_timers import turns
 from pam_ros.subscriptions import subscribe
@@ -42,6 +41,8 @@ from pam_ros.valve_command import ValveCommandFormat
 
 MEASUREMENT_DELAY, COMMAND_DELAY = 0.001, 0.003  # s, the defaults of the controller's node
 MAX_AGE: Final = 0.1  # s, of a measurement
+PRIORITY: Final = 20  # real-time, where the system permits it; as of the driver's loop
+PLAYING: Final = 10  # of the thread that computes the next commands, below that of the driver
 IDLE: Final = 10.0  # periods without new commands, after which the muscles are vented
 FIRST: Final = 10.0  # s, for the first measurements
 START: Final = 60.0  # s, in which the process of the node must have measurements
@@ -194,6 +195,7 @@ def _serve(answers: Connection, rig: Rig, joint: str, period: float, namespace: 
     Ctrl-C reaches this process, too; the other one decides what follows, and the air needs it.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    take_priority(PRIORITY)  # before there are other threads, which inherit it
     try:
         start_ros([])
         node = RosPortNode(rig, joint, period, namespace)
@@ -255,9 +257,7 @@ class RosPort:
 
 
 @contextmanager
-def open_ros_port(
-    rig: Rig, joint: str, period: float, namespace: str = "", niceness: int = 0
-) -> Iterator[RosPort]:
+def open_ros_port(rig: Rig, joint: str, period: float, namespace: str = "") -> Iterator[RosPort]:
     """A port to the robot in the ROS domain of this terminal; at its end the muscles are vented.
 
     Parameters
@@ -270,9 +270,6 @@ def open_ros_port(
         Of the commands [s].
     namespace : str
         Of the robot's nodes.
-    niceness : int
-        Added to that of this process, which computes between two motions, but not to that of the
-        node: driver and commands must not be held up.
 
     Raises
     ------
@@ -285,9 +282,10 @@ def open_ros_port(
     )
     process.start()
     there.close()
-    os.nice(niceness)
     try:
-        yield RosPort(here, period)
+        port = RosPort(here, period)
+        with real_time(PLAYING):
+            yield port
     finally:
         here.close()
         process.join(END)
