@@ -99,8 +99,8 @@ def finds_what_is_wrong(
         assert "stood still" not in faults[0], "one pause is no reason to give up"
 
 
-@settings(max_examples=8, deadline=None)
-@given(kind=KINDS, pauses=st.lists(MOMENTS, min_size=1, max_size=3), watchdog=WATCHDOGS)
+@settings(max_examples=4, deadline=None)
+@given(kind=KINDS, pauses=st.lists(MOMENTS, min_size=1, max_size=2), watchdog=WATCHDOGS)
 def test_a_pause_at_any_moment_accuses_no_right_robot(
     tmp_path_factory: pytest.TempPathFactory,
     kind: str,
@@ -110,7 +110,7 @@ def test_a_pause_at_any_moment_accuses_no_right_robot(
     accuses_no_right_robot(tmp_path_factory.mktemp("rig"), kind, sorted(pauses), watchdog)
 
 
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=3, deadline=None)
 @given(
     kind=st.sampled_from(["elbow", "free"]),
     pauses=st.lists(MOMENTS, min_size=1, max_size=2),

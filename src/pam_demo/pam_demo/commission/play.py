@@ -111,7 +111,8 @@ def touch(port: RobotPort, rig: Rig) -> str:
     kinds = [rig.muscle(name).valve.kind for name in joint.muscles]
     begin = first_reading(port, SHUT)
     if begin.problem:
-        return _sentence(begin.problem)
+        remedy = ": clear its faults and activate it, then start again" if begin.refusal else ""
+        return _sentence(begin.problem + remedy)
     full = [n for n, p in zip(joint.muscles, begin.pressures, strict=True) if p > NOT_EMPTY]
     if full:
         return f"{' and '.join(full)} must be empty at the begin; vent the robot first."

@@ -26,6 +26,7 @@ from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
 
 from pam_demo.commission.robot_port import JointReading
 from pam_model.errors import PamError
@@ -83,6 +84,7 @@ class RosPortNode(Node):  # type: ignore[misc]
         self._refusal = ""
         self._turn = threading.Condition()
         self._turns = self._asked = 0
+        self._vent = self.create_client(Trigger, "pam_driver/vent")
         self._publisher = self.create_publisher(JointState, "valve_commands", QoSProfile(depth=1))
         subscribe(self, JointState, "joint_states", self._take_positions, _SENSED)
         subscribe(self, JointState, "pressure_states", self._take_pressures, _SENSED)
@@ -160,6 +162,14 @@ class RosPortNode(Node):  # type: ignore[misc]
                     f"{FIRST:g} s; is the driver active?"
                 )
 
+    def vent(self) -> None:
+        """Ask the driver to vent, which is necessary before its commands may stop."""
+        if self._vent.service_is_ready():
+            answered = threading.Event()
+            asked = self._vent.call_async(Trigger.Request())
+            asked.add_done_callback(lambda _: answered.set())
+            answered.wait(ANSWER)
+
 
 @contextmanager
 def _spinning(node: RosPortNode) -> Iterator[None]:
@@ -182,6 +192,7 @@ def _spinning(node: RosPortNode) -> Iterator[None]:
         yield
     finally:
         time.sleep(2.0 * IDLE * node.period)  # the loop sends what vents
+        node.vent()
         node.loop.stop()
         going_on = False
         spinning.join(2.0)
