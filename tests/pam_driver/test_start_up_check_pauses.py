@@ -16,7 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pam_driver.safety.pauses import longest_gap
-from pam_driver.safety.start_up_check import REPETITIONS, StartUpCheck
+from pam_driver.safety.start_up_check import ABORT_ANGLE, REPETITIONS, StartUpCheck
 from pam_driver.safety.states import SafetyState
 from pam_model.rig import Rig, load_rig
 from pam_model.robot import compose
@@ -140,26 +140,12 @@ def test_pauses_all_along_the_check(tmp_path: Path, kind: str, duration: float) 
                 finds_what_is_wrong(tmp_path, kind, [pause], watchdog, defect)
 
 
-@pytest.mark.parametrize("muscle", [0, 1])
-def test_a_valve_that_was_left_open_while_nobody_looked_is_no_defect(
-    tmp_path: Path, muscle: int
-) -> None:
-    """Before, the check judged the turn of the joint after the pause: the load was wrong."""
-    rig = free_rig(tmp_path, 1.0, 0.12, 4e-3)
+def test_a_valve_that_was_left_open_while_nobody_looked_is_no_defect(rig: Rig) -> None:
+    """Before: "a pulse of 19280 Pa turns the joint by +0.17 rad: load or sensor differ"."""
     bench = Bench(rig, watchdog=NO_WATCHDOG)
-    bench.run(lambda: bench.now > 0.6)
-    bench.driver.activate(bench.now)
-    bench.run(lambda: filling(bench, muscle))
-    bench.stand_still(0.3, PAUSES[0])
-    assert bench.moved > 0.15, "the joint has turned further than a pulse may turn it"
-    bench.run(lambda: bench.driver.state is not SafetyState.CHECKING)
-    assert bench.driver.state is SafetyState.READY, bench.driver.faults
-
-
-def filling(bench: Bench, muscle: int) -> bool:
-    """Whether the valve of a muscle has been opened by a pulse."""
-    fractions = bench.driver._fractions
-    return fractions is not None and fractions[muscle] > 0.05
+    assert checked(bench, [Pause(0.438, 0.45, PAUSES[2])]) == []
+    assert bench.moved > ABORT_ANGLE
+    assert bench.driver.state is SafetyState.READY
 
 
 def test_a_computer_that_stands_still_again_and_again_is_the_reason(rig: Rig) -> None:
