@@ -61,5 +61,5 @@ def test_from_a_rig_to_a_simulation() -> None:
 @pytest.mark.usefixtures("at_home")
 def test_from_a_log_to_a_verdict() -> None:
     said = check(VERDICT)
-    assert "coulomb friction" in said
+    assert "Coulomb friction" in said
     assert "text/html" in said

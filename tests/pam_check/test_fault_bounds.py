@@ -9,8 +9,10 @@ import pytest
 
 from pam_check.faults.campaign import in_a_fork
 from pam_check.faults.rig_bounds import EMPTY, bounds_of
-from pam_check.faults.stuck_valve import RECOGNISED, stuck_valve_speed
 from pam_check.faults.trial import Trial, problem_of, run_trial, speed_bound
+from pam_check.faults.unavoidable_speed import RECOGNISED, burst_speed, stuck_valve_speed
+from pam_model.identify.size import size_joint, sized_rig
+from pam_model.rig import load_rig
 from pam_sim.faults.fault_kind import LOWERING
 from pam_sim.faults.kinds import KINDS, kind_called
 
@@ -118,12 +120,29 @@ def test_a_valve_stuck_open_drives_a_held_joint_beyond_its_limit_although_the_ot
     assert stuck_valve_speed(slow) < rig.joints[0].max_velocity
 
 
-def test_only_a_valve_that_stays_open_may_exceed_the_speed_limit(chain):
-    faster = {kind.name for kind in KINDS if kind.supply_drives}
-    assert faster == {"valve_stuck_open", "valve_stuck_open_while_held"}
+def test_a_large_hole_drives_a_strong_joint_beyond_its_limit_although_both_valves_vent(
+    rig, tmp_path
+):
+    """The air of the other muscle is what drives it; a hole as small as a leak does not."""
+    size = size_joint(30.0, 1.0, 3.0, 5e5, 0.3)
+    path = tmp_path / "rig.yaml"
+    path.write_text(sized_rig(size, 1.0, 5e5, 0.12).text(), encoding="utf-8")
+    strong = load_rig(path)
+    limit = strong.joints[0].max_velocity
+    hole = 2.5 * strong.muscles[0].valve.sonic_conductance
+    assert burst_speed(strong, hole, 0.35) > 1.2 * limit
+    assert burst_speed(strong, 0.2 * hole, 0.35) < limit
+    assert burst_speed(rig, 1e-8, 0.35) < 1.05 * rig.joints[0].max_velocity
+
+
+def test_only_air_that_nothing_stops_may_exceed_the_speed_limit(chain):
+    faster = {kind.name for kind in KINDS if kind.air_drives}
+    stuck = {"valve_stuck_open", "valve_stuck_open_while_held"}
+    bursts = {"muscle_burst", "muscle_burst_while_held", "measurement_gaps_with_burst"}
+    assert faster == stuck | bursts
     bounds = bounds_of(chain.rig)
     kind = kind_called("valve_stuck_open_while_held")
-    assert speed_bound(kind, chain.rig, bounds) == RECOGNISED * stuck_valve_speed(chain.rig)
+    assert speed_bound(kind, {}, chain.rig, bounds) == RECOGNISED * stuck_valve_speed(chain.rig)
     trial = within(chain)
     trial.kind, trial.noticed = kind.name, ["pressure_implausible"]
     trial.safe_after = kind.bound
@@ -132,4 +151,4 @@ def test_only_a_valve_that_stays_open_may_exceed_the_speed_limit(chain):
     trial.peak_speed += 0.01
     assert "rad/s" in problem_of(chain, kind, trial)
     # from nearer, the elbow does not become faster than it may anyway
-    assert speed_bound(kind_called("valve_stuck_open"), chain.rig, bounds) == bounds.speed
+    assert speed_bound(kind_called("valve_stuck_open"), {}, chain.rig, bounds) == bounds.speed

@@ -14,6 +14,7 @@ import pytest
 from pam_check.faults.campaign import in_a_fork
 from pam_check.faults.trial import run_trial
 from pam_control.loop_guard import GuardAction, LoopGuard
+from pam_control.reference_limits import ReferenceLimits
 from pam_control.references.motion_limiter import MotionLimits
 from pam_driver import fault_judge
 from pam_driver.board_set import BoardSet
@@ -97,7 +98,7 @@ def gaps_blind_the_physics(chain: Any, patch: Patch) -> None:
 def references_have_no_limits(chain: Any, patch: Patch) -> None:
     for name in chain.rig.joint_names:
         chain.controller.references.limit(name, MotionLimits(1e3, 1e6))
-    patch.setattr(type(chain.controller), "_drive", lambda controller: None)
+    patch.setattr(ReferenceLimits, "use", lambda limits, stiffnesses: None)
 
 
 def trajectories_have_any_size(chain: Any, patch: Patch) -> None:

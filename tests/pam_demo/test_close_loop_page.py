@@ -20,7 +20,7 @@ BEFORE = TrackedMotion(
 TORQUE = FoundParameter(Interval(0.502, 0.49, 0.52), "N m")
 FOUND = Diagnosis(
     "named", "joint", ("coulomb_friction",), (), (), {"coulomb_friction": {"torque": TORQUE}},
-    {}, None, "", sentence="The cause is coulomb friction.",
+    {}, None, "", sentence="The cause is Coulomb friction.",
 )  # fmt: skip
 
 
@@ -34,7 +34,7 @@ def test_the_page_tells_hidden_and_found_and_the_errors_of_both_runs(tmp_path: P
     after = replace(BEFORE, measured=REFERENCE - 0.001)
     text = page(tmp_path, [after], [ClosedLoopFigure("arm", 0.02, 0.001, 0.021, 0.0012)])
     for shown in (
-        "<b>coulomb_friction.torque=0.5</b>", "The cause is coulomb friction.", "0.49 to 0.52",
+        "<b>coulomb_friction.torque=0.5</b>", "The cause is Coulomb friction.", "0.49 to 0.52",
         '<td class="n">20.00</td>', '<td class="n good">0.05', "A real &lt;arm&gt;",
     ):  # fmt: skip
         assert shown in text

@@ -9,7 +9,12 @@ import pytest
 from pam_gap.inference.candidates import candidates_for, nuisances_for, ordinary_sizes
 from pam_gap.inference.decision import Decision, Judge
 from pam_gap.inference.named_effects import named_effects
-from pam_gap.inference.probabilities import agreed, cause_probabilities, probabilities
+from pam_gap.inference.probabilities import (
+    agreed,
+    cause_probabilities,
+    cut_off_rivals,
+    probabilities,
+)
 from pam_gap.inference.score import Score
 from pam_gap.rules import DEFAULT
 from pam_model.effects import EFFECTS
@@ -146,6 +151,23 @@ def test_a_rival_at_the_end_of_its_range_lowers_the_probability_of_the_others() 
     assert probability(replace(caps, cut_off=("leakage",))) == probability(caps)
     weak = score(("end_caps",), (30.0, 70.0, 88.0))
     assert probability(replace(weak, cut_off=("end_caps",))) == probability(weak)
+
+
+def test_only_a_rival_with_a_probability_that_is_shown_is_named() -> None:
+    """One whose raised level is still far behind the named cause is no reason for a caution."""
+    nominal = score((), (33.0, 74.0, 90.0))
+    bladder = score(("bladder_elasticity",), (4.0, 8.0, 30.0))
+    judge = Judge(np.ones(CHANNELS), PRESENT, DEFAULT.decision, background=BACKGROUND)
+
+    def rivals(*others: Score) -> list[Score]:
+        decision = judge.decide(nominal, [bladder, *others])
+        found = probabilities(judge, nominal, decision)
+        return cut_off_rivals(judge, nominal, decision, found, 0.005)
+
+    near = replace(score(("end_caps",), (6.0, 13.0, 43.0)), cut_off=("end_caps",))
+    far = replace(score(("tube_restriction",), (16.0, 36.0, 66.0)), cut_off=("tube_restriction",))
+    assert rivals(far, near) == [near]
+    assert not rivals(replace(near, cut_off=()))
 
 
 def test_a_cause_can_hide_in_a_background_but_not_in_noise() -> None:

@@ -119,7 +119,7 @@ def test_the_command_writes_page_table_and_json(tmp_path, capsys):
     line = ["compare", str(before), str(after), "--out", str(tmp_path / "out")]
     assert main(line) == 0
     shown = capsys.readouterr().out
-    assert "coulomb friction, torque: gone, 16." in shown and "7.1 mrad" in shown
+    assert "Coulomb friction, torque: gone, 16." in shown and "7.1 mrad" in shown
     page = (tmp_path / "out" / "compare.html").read_text()
     assert "&lt;dry&gt;" in page and "<dry>" not in page
     for text in ("7.1 mrad", "0.5 (0.45 to 0.55) N m", "prefers-color-scheme: dark",

@@ -359,8 +359,8 @@ def series(law, limit=None, n=16):
 def test_growth_is_told_with_rate_date_and_what_is_left():
     found = series(lambda w: 0.5 + 0.1 * max(0.0, w - 3.0), limit=1.5)
     said = " ".join(in_words(found))
-    assert re.search(r"coulomb friction, torque \(elbow\) grows by 0\.1\d* N m a week", said)
-    assert re.search(r"from \d+ January 2026 on", said)
+    assert re.search(r"Coulomb friction, torque \(elbow\) has grown by 0\.1\d* N m a week", said)
+    assert re.search(r"since \d+ January 2026", said)
     assert re.search(r"reaches 1\.5 N m in about (4\.\d|5|5\.\d) weeks", said)
     ((_, weeks, _),) = soonest([found])
     assert weeks == pytest.approx(5.0, abs=0.7)
@@ -377,7 +377,7 @@ def test_a_repair_is_told_with_its_dates_and_needs_no_repair():
 
 def test_constants_and_short_series_say_so():
     assert in_words(series(lambda w: 0.5)) == [
-        "coulomb friction, torque (elbow) stays at 0.5 N m: no change was found."
+        "Coulomb friction, torque (elbow) stays at 0.5 N m: no change was found."
     ]
     assert "too few" in in_words(series(lambda w: 0.5, n=4))[0]
 
@@ -413,7 +413,7 @@ def test_the_page_shows_series_recordings_and_failures_and_escapes_names():
     for text in (
         "1.csv: corrupt",
         "2.csv: too short",
-        "grows by",
+        "has grown by",
         "time of the file",
         "What will need repair next",
         "prefers-color-scheme: dark",
@@ -423,5 +423,6 @@ def test_the_page_shows_series_recordings_and_failures_and_escapes_names():
     images = _Images()
     images.feed(page)
     (image,) = images.found
-    assert "16 recordings" in str(image["alt"]) and str(image["src"]).startswith("data:image/png")
+    assert "16 recordings" in str(image["alt"]) and str(image["src"]).startswith("data:image/svg")
+    assert "max-width: 700px" in page, "a phone has a plot of its own"
     assert not re.search(r"(src|href)=\"http", page)

@@ -34,7 +34,7 @@ OVERLAPS = {"overlap.agonist": found(0.05, "-"), "overlap.antagonist": found(0.0
         (
             {"effects": ("valve_dead_zone", "coulomb_friction"),
              "parameters": {"valve_dead_zone": OVERLAPS, "coulomb_friction": FRICTION}},
-            "Valve dead zone (overlap 0.05 and 0.06) and coulomb friction (torque 0.52 N m): 94 % "
+            "Valve dead zone (overlap 0.05 and 0.06) and Coulomb friction (torque 0.52 N m): 94 % "
             f"of an error of 31 mrad at {POSITION}",
         ),
         (

@@ -82,7 +82,7 @@ NAMED = Diagnosis(
 
 def test_the_answer_says_where_what_and_how_much() -> None:
     assert verdict_sentence(NAMED) == (
-        "The cause is coulomb friction at the joint stage: torque 1.12 N m (1.05 to 1.18). It "
+        "The cause is Coulomb friction at the joint stage: torque 1.12 N m (1.05 to 1.18). It "
         "explains 87 % of an error of 7.1 mrad at joint_states.elbow.position."
     )
 

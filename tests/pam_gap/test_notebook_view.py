@@ -33,6 +33,6 @@ def test_a_notebook_shows_verdict_numbers_and_gap() -> None:
     shown = ANSWER._repr_html_()
     assert "elbow: named" in shown
     assert "Friction &lt;of the joint&gt;." in shown
-    assert "<td>coulomb friction</td><td>torque</td><td>0.6 N m</td><td>0.5 N m</td>" in shown
+    assert "<td>Coulomb friction</td><td>torque</td><td>0.6 N m</td><td>0.5 N m</td>" in shown
     assert "<td>28 mrad</td><td>0.2 mrad</td>" in shown
     assert "<table>" not in NOTHING._repr_html_()

@@ -83,7 +83,7 @@ def test_names_from_outside_are_escaped() -> None:
 
 
 def test_a_reader_sees_words_and_no_names_of_the_machine(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The figure and the lists said coulomb_friction where the sentences say coulomb friction."""
+    """The figure and the lists said coulomb_friction where the sentences say Coulomb friction."""
     drawn: list[Figure] = []
 
     def kept(draw: Callable[[float], Figure], alt: str, look: object) -> str:
@@ -94,7 +94,7 @@ def test_a_reader_sees_words_and_no_names_of_the_machine(monkeypatch: pytest.Mon
     some = data(not_shown=["valve_dead_zone"], probabilities={"coulomb_friction": 1.0})
     page = without_scripts(render(some))
     labels = {text.get_text() for figure in drawn for text in figure.findobj(Text)}
-    assert "coulomb friction" in labels
+    assert "Coulomb friction" in labels
     assert not {label for label in labels if "_" in label and set(EFFECTS) & set(label.split())}
     assert {name for name in EFFECTS if "_" in name and name in page} == set()
     assert "valve dead zone" in page

@@ -24,7 +24,7 @@ def test_a_cause_is_named_with_what_it_explains() -> None:
 def test_two_causes_are_named_each_at_its_own_stage() -> None:
     two = replace(FOUND, effects=("hysteresis", "coulomb_friction"))
     assert verdict_sentence(two) == (
-        "The causes are hysteresis (muscle stage) and coulomb friction (joint stage). They "
+        "The causes are hysteresis (muscle stage) and Coulomb friction (joint stage). They "
         "explain 94 % of the gap on held-out data."
     )
 
@@ -48,7 +48,7 @@ def test_a_cause_that_is_probably_wrong_is_not_told_as_certain() -> None:
     two = {"hysteresis + coulomb_friction": 0.3, "hysteresis": 0.6, "none": 0.1}
     both = replace(FOUND, effects=("hysteresis", "coulomb_friction"), probabilities=two)
     assert verdict_sentence(both).startswith(
-        "The causes are hysteresis (muscle stage, 90 %) and coulomb friction (joint stage, 30 %)."
+        "The causes are hysteresis (muscle stage, 90 %) and Coulomb friction (joint stage, 30 %)."
     )
 
 
@@ -57,12 +57,12 @@ def test_a_cause_that_is_probably_wrong_is_not_told_as_certain() -> None:
     [
         (
             (("hysteresis", "coulomb_friction"),),
-            "between hysteresis (muscle stage) and coulomb friction (joint stage).",
+            "between hysteresis (muscle stage) and Coulomb friction (joint stage).",
         ),
         (
             (("hysteresis", "leakage", "creep"), ("payload", "coulomb_friction")),
             "between hysteresis (muscle stage), leakage (valve stage) and creep (muscle stage), "
-            "or between payload (joint stage) and coulomb friction (joint stage).",
+            "or between payload (joint stage) and Coulomb friction (joint stage).",
         ),
     ],
 )
@@ -81,7 +81,7 @@ def test_a_cause_outside_every_set_is_named_beside_them() -> None:
         indistinguishable=(("hysteresis", "coulomb_friction"),),
     )
     assert verdict_sentence(ambiguous).endswith(
-        "coulomb friction (joint stage). A further cause is payload (joint stage). The best "
+        "Coulomb friction (joint stage). A further cause is payload (joint stage). The best "
         "hypothesis explains 94 % of the gap on held-out data."
     )
 

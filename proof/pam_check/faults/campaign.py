@@ -18,8 +18,8 @@ from functools import partial
 
 from pam_check.faults.chain import FaultChain
 from pam_check.faults.report import as_markdown, write_report
-from pam_check.faults.stuck_valve import HELD_ANGLE
 from pam_check.faults.trial import Trial, draw_values, run_trial
+from pam_check.faults.unavoidable_speed import HELD_ANGLE
 from pam_control.controller_parameters import COMMAND_DELAY, create_controller, parameter_table
 from pam_driver.boards.wiring import RigWiring, kind_name
 from pam_model.argument_types import make_parents

@@ -20,7 +20,7 @@ from pam_check.faults.acts import (
 )
 from pam_check.faults.chain import FaultChain
 from pam_check.faults.reference_faults import send_trajectory
-from pam_check.faults.stuck_valve import HELD_ANGLE
+from pam_check.faults.unavoidable_speed import HELD_ANGLE
 from pam_control.references.trajectory import TrajectoryPoint
 from pam_driver.safety.states import SafetyState
 from pam_sim.faults.rig_faults import POSITION, offset

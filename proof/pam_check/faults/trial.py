@@ -6,12 +6,18 @@ import math
 import random
 import re
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from pam_check.faults.chain import AMPLITUDE, STEP, FaultChain
 from pam_check.faults.injections import INJECTIONS
 from pam_check.faults.rig_bounds import EMPTY, RigBounds, bounds_of
-from pam_check.faults.stuck_valve import HELD_ANGLE, RECOGNISED, stuck_valve_speed
+from pam_check.faults.unavoidable_speed import (
+    HELD_ANGLE,
+    RECOGNISED,
+    burst_speed,
+    stuck_valve_speed,
+)
 from pam_driver.safety.states import SafetyState
 from pam_model.rig import Rig
 from pam_model.robot import compose
@@ -234,7 +240,7 @@ def problem_of(chain: FaultChain, kind: FaultKind, trial: Trial) -> str:
         return f"stopped: {reasons or chain.driver.state.value}"
     if trial.peak_error > error_bound(kind, bounds):
         return f"angle off by {trial.peak_error:.3f} rad"
-    return _motion_problem(kind, trial, bounds, speed_bound(kind, chain.rig, bounds))
+    return _motion_problem(kind, trial, bounds, speed_bound(kind, trial.values, chain.rig, bounds))
 
 
 def _venting_problem(kind: FaultKind, trial: Trial, bounds: RigBounds) -> str:
@@ -258,12 +264,18 @@ def _venting_problem(kind: FaultKind, trial: Trial, bounds: RigBounds) -> str:
     return ""
 
 
-def speed_bound(kind: FaultKind, rig: Rig, bounds: RigBounds) -> float:
-    """Largest permitted speed [rad/s]: `max_velocity`, unless air from the supply gives more."""
-    if not kind.supply_drives:
+def speed_bound(kind: FaultKind, values: Mapping[str, float], rig: Rig, bounds: RigBounds) -> float:
+    """Largest permitted speed [rad/s]: `max_velocity`, unless air that nothing stops gives more."""
+    if not kind.air_drives:
         return bounds.speed
     angle = HELD_ANGLE if kind.layer == HELD_LAYER else AMPLITUDE
-    return max(bounds.speed, RECOGNISED * stuck_valve_speed(rig, angle))
+    hole = values.get("conductance")
+    driven = (
+        RECOGNISED * stuck_valve_speed(rig, angle)
+        if hole is None
+        else burst_speed(rig, hole, angle)
+    )
+    return max(bounds.speed, driven)
 
 
 def _motion_problem(kind: FaultKind, trial: Trial, bounds: RigBounds, speed: float) -> str:

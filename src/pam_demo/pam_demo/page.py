@@ -24,7 +24,7 @@ from pam_demo.figures import (
 )
 from pam_demo.recording import Array
 from pam_gap.answer.page_style import PLOT_LOOK
-from pam_gap.answer.plots_in_page import NARROW, WIDE, picture
+from pam_gap.answer.plots_in_page import WIDE, is_narrow, picture
 from pam_gap.answer.user_units import told
 from pam_ros.valve_command import FLOW
 
@@ -55,7 +55,7 @@ HEADLINE = (
 def _line(axes: Axes, times: Array, values: Array, **style: Any) -> None:
     """Plot at most as many points as can be seen, keeping the extremes of each interval."""
     inches = axes.figure.bbox.width / axes.figure.dpi
-    points = NARROW_POINTS if inches < 0.5 * (NARROW + WIDE) else POINTS
+    points = NARROW_POINTS if is_narrow(inches) else POINTS
     if len(times) > points:
         width = -(-2 * len(times) // points)
         count = len(times) // width

@@ -10,6 +10,7 @@ from functools import partial
 import numpy as np
 
 from pam_gap.answer.diagnosis import Diagnosis
+from pam_gap.answer.headline import LEAST_SHOWN
 from pam_gap.answer.sentences import (
     SizesAtTheEnd,
     effects_at_the_end,
@@ -36,7 +37,7 @@ from pam_gap.inference.held_out import (
 from pam_gap.inference.hypothesis import FitTask, Hypothesis, HypothesisFitter
 from pam_gap.inference.improved_fit import improved_fit
 from pam_gap.inference.loose_lengths import LooseLengths, loose_lengths
-from pam_gap.inference.probabilities import is_cut_off
+from pam_gap.inference.probabilities import cut_off_rivals
 from pam_gap.inference.search import CandidateSearch, Progress, SearchResult, level, silent
 from pam_gap.inference.search_growth import GrowthStep, grows
 from pam_gap.inference.unlisted import UnlistedFitter
@@ -322,7 +323,12 @@ class JointDiagnosis:
             survivors = [s.hypothesis for s in ranked[: self.rules.experiment.closest]]
         return propose(self.fitter, survivors)
 
-    def _cautions(self, verdict: Verdict[HeldOut], evidence: Evidence[HeldOut]) -> tuple[str, ...]:
+    def _cautions(
+        self,
+        verdict: Verdict[HeldOut],
+        evidence: Evidence[HeldOut],
+        rivals: Sequence[SizesAtTheEnd],
+    ) -> tuple[str, ...]:
         """What makes the answer less certain than it looks, in full sentences."""
         found = cautions(self.problem)
         told = verdict.named
@@ -332,26 +338,8 @@ class JointDiagnosis:
             if evidence.improved is None:
                 found += (NOT_IMPROVED,)
             found += sizes_at_the_end(told.hypothesis.at_the_end)
-            found += rivals_at_the_end(self.cut_off(verdict, evidence))
+            found += rivals_at_the_end(rivals)
         return found if self.lengths is None else (*found, self.lengths.caution)
-
-    def cut_off(
-        self, verdict: Verdict[HeldOut], evidence: Evidence[HeldOut]
-    ) -> list[SizesAtTheEnd]:
-        """Sizes at the end of their range in hypotheses that explain most of the gap otherwise.
-
-        Such a hypothesis might explain more if its size were not limited.
-        """
-        told, decision = verdict.named, verdict.decision
-        if told is None:
-            return []
-        usual = self.judge.usual(evidence.nominal, decision.tried)
-        rivals = [
-            score
-            for score in decision.tried
-            if not {*told.causes} & {*score.causes} and is_cut_off(self.judge, usual, score)
-        ]
-        return [score.hypothesis.at_the_end for score in sorted(rivals, key=self.judge.level)]
 
     def run(self) -> Diagnosis:
         """Perform the diagnosis."""
@@ -375,13 +363,23 @@ class JointDiagnosis:
         diagnosis = AnswerForm(self.fitter, self.folds, evidence, verdict).fill(location)
         proposal = self.proposal(verdict.decision, diagnosis.survivors)
         self.progress("done", 1.0)
+        rivals = [
+            score.hypothesis.at_the_end
+            for score in cut_off_rivals(
+                verdict.judge,
+                evidence.nominal,
+                verdict.decision,
+                verdict.probabilities,
+                LEAST_SHOWN,
+            )
+        ]
         return replace(
             diagnosis,
             proposal=proposal,
             next_experiment=advice(diagnosis.verdict, proposal, self.problem),
             facts=self._facts(verdict, evidence.nominal, started),
-            cautions=self._cautions(verdict, evidence),
-            at_the_end=effects_at_the_end(self.cut_off(verdict, evidence)),
+            cautions=self._cautions(verdict, evidence, rivals),
+            at_the_end=effects_at_the_end(rivals),
             not_shown=not_shown(self.problem, self.candidates(), self.floor),
         )
 

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import base64
-import io
 import math
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import jinja2
-import matplotlib as mpl
 import numpy as np
-from matplotlib import pyplot as plt
+from matplotlib.figure import Figure
 
 from pam_gap.answer.compare import (
     GapRow,
@@ -23,12 +21,14 @@ from pam_gap.answer.compare import (
     read_answers,
 )
 from pam_gap.answer.page_style import STYLE, VERDICT_WORDS
+from pam_gap.answer.plots_in_page import is_narrow, picture
 from pam_gap.answer.user_units import interval_digits, plain, spoken, told, user_unit
 from pam_model.command_line import Arguments, Outcome
 from pam_model.reading import reading
 
 PAGE = "compare.html"
 _COLOURS = ("#c2410c", "#00798c", "#6b46c1", "#4a5568", "#b7791f")
+LOOK = {"font.size": 9}
 HOW = (
     "A change is more than noise if it exceeds 1.96 standard deviations (z-test of the difference, "
     "5 %). Standard deviations follow from the halves of the 90 % intervals that face each other."
@@ -52,7 +52,7 @@ _PAGE = """<!doctype html>
 {% for answer in joint.answers %}<p><b>{{ letters[loop.index0] }}: {{ answer.word }}.</b>
 {{ answer.sentence }}</p>{% endfor %}
 {% if joint.picture %}<h3>Size of the gap</h3>
-<div class="wide" tabindex="0"><img alt="{{ joint.alt }}" src="{{ joint.picture }}"></div>
+{{ joint.picture | safe }}
 <div class="wide" tabindex="0"><table>
 <tr><th>channel</th><th>error</th>
 {% for _ in names %}<th class="n">{{ letters[loop.index0] }}</th>{% endfor %}</tr>
@@ -90,12 +90,15 @@ def _cell(value: Mapping[str, float] | None, unit: str) -> str:
     return f"{here} ({low} to {high})" + ("" if name in ("", "-") else f" {name}")
 
 
-def draw_gaps(gaps: Sequence[GapRow]) -> str:
-    """Draw the error of each channel as written and with the answer; return a data URL."""
-    figure, axes = plt.subplots(
-        1, len(gaps), figsize=(max(3.2 * len(gaps), 5.0), 2.8), layout="constrained", squeeze=False
-    )
-    for axis, row in zip(axes[0], gaps, strict=True):
+def draw_gaps(gaps: Sequence[GapRow], width: float) -> Figure:
+    """Draw the error of each channel as written and with the answer, in a width [in].
+
+    The channels are next to each other or, on a phone, below each other.
+    """
+    rows, columns = (len(gaps), 1) if is_narrow(width) else (1, len(gaps))
+    figure = Figure(figsize=(width, 0.6 + 2.2 * rows), layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False).ravel()
+    for axis, row in zip(axes, gaps, strict=True):
         shown = [s for s in row.sizes if s is not None]
         unit, factor = user_unit(max(max(s["before"], s["after"]) for s in shown), row.unit)
         for key, offset, colour, label in (
@@ -107,11 +110,8 @@ def draw_gaps(gaps: Sequence[GapRow]) -> str:
         axis.set_xticks(range(len(row.sizes)), [letter(k) for k in range(len(row.sizes))])
         axis.set_ylabel(f"RMS error [{unit}]")
         axis.set_title(row.channel, fontsize=8)
-    figure.legend(*axes[0][0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=110)
-    plt.close(figure)
-    return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode()
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
+    return figure
 
 
 def _gap_cells(row: GapRow) -> list[dict[str, Any]]:
@@ -159,8 +159,9 @@ def render(joints: Sequence[JointComparison], names: Sequence[str]) -> str:
                     }
                     for a in joint.answers
                 ],
-                "picture": draw_gaps(joint.gaps) if joint.gaps else "",
-                "alt": _alt(joint),
+                "picture": picture(partial(draw_gaps, joint.gaps), _alt(joint), LOOK)
+                if joint.gaps
+                else "",
                 "gaps": [cells for row in joint.gaps for cells in _gap_cells(row)],
                 "rows": [_row(row) for row in joint.parameters],
             }
@@ -239,8 +240,7 @@ def run(given: Arguments) -> Outcome:
         joints = compare([read_answers(path) for path in given.diagnoses])
     out = Path(given.out)
     out.mkdir(parents=True, exist_ok=True)
-    with mpl.rc_context({"font.size": 9}):
-        page = render(joints, [str(path) for path in given.diagnoses])
+    page = render(joints, [str(path) for path in given.diagnoses])
     (out / PAGE).write_text(page, encoding="utf-8")
     print_table(joints)
     print(f"written: {out / PAGE}")

@@ -42,7 +42,7 @@ STYLE = """
  table { border-collapse: collapse; font-size: .92rem; } td, th { padding: .2rem .8rem .2rem 0;
  text-align: left; vertical-align: top; overflow-wrap: normal; }
  .n { text-align: right; font-variant-numeric: tabular-nums; white-space: nowrap; }
- img { max-width: 100%; min-width: 38rem; background: #fff; border-radius: .3rem; }
+ img { display: block; width: 100%; height: auto; background: #fff; border-radius: .3rem; }
  .plot { margin: 1rem 0; background: #fff; color: #1c1c1c; border-radius: .3rem; padding: .3rem; }
  .plot b { display: block; padding: .3rem .6rem; font-size: .95rem; overflow-wrap: anywhere; }
  .plot figcaption { color: #555; padding: 0 .6rem .3rem; font-size: .92rem; }
@@ -59,7 +59,7 @@ STYLE = """
   h1 { font-size: 1.2rem; margin-bottom: .4rem; }
   .verdict { padding: .6rem .8rem; font-size: 1.1rem; }
   .plot { margin: .6rem 0; } }
- @media print { body { margin: 0; } img { min-width: 0; } h2 { break-after: avoid; } }
+ @media print { body { margin: 0; } h2 { break-after: avoid; } }
 """
 """Style sheet; `--verdict` is the colour of the bar next to the first sentence.
 

@@ -17,9 +17,13 @@ NARROW: Final = 4.2
 """Width of a plot for a phone [in]."""
 _ELEMENT: Final = (
     '<picture><source media="(max-width: 700px)" srcset="data:image/svg+xml;base64,{narrow}">'
-    '<img style="display: block; width: 100%; min-width: 0; height: auto" alt="{alt}" '
-    'src="data:image/svg+xml;base64,{wide}"></picture>'
+    '<img alt="{alt}" src="data:image/svg+xml;base64,{wide}"></picture>'
 )
+
+
+def is_narrow(width: float) -> bool:
+    """Whether a plot of this width [in] is the one for a phone."""
+    return width < 0.5 * (NARROW + WIDE)
 
 
 def picture(draw: Callable[[float], Figure], alt: str, look: Any) -> str:

@@ -16,7 +16,7 @@ import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from pam_gap.answer.plots_in_page import NARROW, WIDE
+from pam_gap.answer.plots_in_page import WIDE, is_narrow
 from pam_gap.answer.traces import IMPROVED, NOMINAL, WITH_ANSWER, WRITTEN
 from pam_gap.answer.user_units import percent, plain, spoken, told
 
@@ -51,13 +51,9 @@ class StageBar:
     note: str = ""
 
 
-def _is_narrow(width: float) -> bool:
-    return width < 0.5 * (NARROW + WIDE)
-
-
 def _label(name: str, width: float) -> str:
     """A name in as many lines as a narrow figure needs beside its curves."""
-    if not _is_narrow(width):
+    if not is_narrow(width):
         return name
     return name.replace(" + ", " +\n").replace(" (", "\n(").replace(".", ".\n")
 
@@ -73,7 +69,7 @@ def draw_stages(stages: Sequence[StageBar], blamed: Collection[str], width: floa
 
     They stand beside each other or, in a narrow figure, below each other.
     """
-    across = not _is_narrow(width)
+    across = not is_narrow(width)
     figure = Figure(figsize=(width, 1.9 if across else 5.4), layout="constrained")
     axis = figure.subplots()
     length = len(STAGES) * (2.4 if across else 1.5)
@@ -144,7 +140,7 @@ def draw_ranking(
 
 def _name_axis(figure: Figure, axis: Axes, width: float, words: Sequence[str]) -> None:
     """Name the x axis; in a narrow figure over its whole width, because labels take half of it."""
-    if _is_narrow(width):
+    if is_narrow(width):
         figure.supxlabel("\n".join(line for text in words for line in wrap(text, 58)), fontsize=8)
     else:
         axis.set_xlabel("\n".join(words))
@@ -177,7 +173,7 @@ def log_ticks(low: float, high: float) -> list[float]:
 def _ticks(axis: Axes, ticks: Sequence[float], width: float) -> None:
     """Plain numbers at these places of the x axis alone, which reaches to the outermost of them."""
     low, high = axis.get_xlim()
-    every = -(-len(ticks) // MOST_NARROW) if _is_narrow(width) else 1
+    every = -(-len(ticks) // MOST_NARROW) if is_narrow(width) else 1
     kept = ticks[(len(ticks) - 1) % every :: every]  # the last one among them
     ticks = kept if len(kept) > 1 else ticks
     axis.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
@@ -189,7 +185,7 @@ def draw_shrinkage(
     gap: Mapping[str, Mapping[str, Any]], answer: str = WITH_ANSWER, width: float = WIDE
 ) -> Figure:
     """Draw the error of each channel as written and with the answer, relative to its floor."""
-    figure, axis = _figure(width, len(gap), 0.55 if not _is_narrow(width) else 0.7)
+    figure, axis = _figure(width, len(gap), 0.55 if not is_narrow(width) else 0.7)
     for row, entry in enumerate(gap.values()):
         floor = max(float(entry["floor"]), 1e-300)
         for key, offset, colour in (("before", -0.18, NOMINAL), ("after", 0.18, IMPROVED)):
@@ -207,10 +203,10 @@ def draw_shrinkage(
     axis.set_yticks(range(len(gap)), [_label(channel, width) for channel in gap])
     axis.invert_yaxis()
     axis.set_xscale("symlog", linthresh=1.0)
-    axis.margins(x=0.25 if not _is_narrow(width) else 0.5)
+    axis.margins(x=0.25 if not is_narrow(width) else 0.5)
     _ticks(axis, [0.0, *log_ticks(1.0, max(axis.get_xlim()[1], 1.0))], width)
     words = ("RMS error, noise included, over noise floor, on held-out data",)
     _name_axis(figure, axis, width, words)
-    columns = 3 if not _is_narrow(width) else 1
+    columns = 3 if not is_narrow(width) else 1
     figure.legend(*axis.get_legend_handles_labels(), loc="outside upper right", ncols=columns)
     return figure

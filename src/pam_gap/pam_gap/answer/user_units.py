@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+import re
+
 _SMALLER = {"rad": ("mrad", 1e3, 0.1), "m": ("mm", 1e3, 1.0), "s": ("ms", 1e3, 1.0)}
 """Unit -> smaller unit, its factor, and the value from which the plain unit is used."""
 _LARGER = {"Pa": ("kPa", 1e-3, 1e3)}
 """Unit -> larger unit, its factor, and the value from which it is used."""
 
+_PEOPLE = re.compile("coulomb|stribeck")
+"""Effects that are named after a person."""
+
 
 def spoken(name: str) -> str:
-    """Name of an effect or parameter: "null_offset.agonist" is "null offset of the agonist"."""
-    return name.replace("_", " ").replace(".", " of the ")
+    """Name of an effect or parameter: "null_offset.agonist" is "null offset of the agonist".
+
+    Names of people keep their capital: "coulomb_friction" is "Coulomb friction".
+    """
+    words = name.replace("_", " ").replace(".", " of the ")
+    return _PEOPLE.sub(lambda person: person[0].capitalize(), words)
 
 
 def user_unit(size: float, unit: str) -> tuple[str, float]:

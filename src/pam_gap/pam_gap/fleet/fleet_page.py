@@ -2,25 +2,25 @@
 
 from __future__ import annotations
 
-import base64
-import io
 import itertools
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import jinja2
-import matplotlib as mpl
 import matplotlib.dates as mdates
 import numpy as np
-from matplotlib import pyplot as plt
+from matplotlib.figure import Figure
 
 from pam_gap.answer.page_style import STYLE, VERDICT_WORDS
+from pam_gap.answer.plots_in_page import is_narrow, picture
 from pam_gap.answer.user_units import spoken, told, user_unit
 from pam_gap.fleet.change_points import SLOPE, STEP
 from pam_gap.fleet.series import ParameterSeries, day
 
+LOOK = {"font.size": 9}
 VALUE, MODEL, CHANGE = "#00798c", "0.15", "#c2410c"
 SOURCES = {
     "stamps": "stamps of the recording",
@@ -51,8 +51,7 @@ this is the time until the value has doubled.</p>{% endif %}
 {% for group in groups %}<h2>{{ group.title }}</h2>
 {% if not group.plots %}<p>No effect was found in several recordings, so that none is followed.</p>
 {% endif %}
-{% for plot in group.plots %}<div class="wide" tabindex="0">
-<img alt="{{ plot.alt }}" src="{{ plot.picture }}"></div>
+{% for plot in group.plots %}{{ plot.picture | safe }}
 {% for text in plot.sentences %}<p>{{ text }}</p>{% endfor %}{% endfor %}
 {% for name, reason in group.failures %}<p class="quiet">Not fitted: {{ name }}: {{ reason }}</p>
 {% endfor %}{% endfor %}
@@ -81,9 +80,10 @@ date of a change; orange: its 90 % interval.</p>{% endif %}
 """
 
 
-def draw_series(series: ParameterSeries) -> str:
-    """Draw values with intervals, the model and its changes; return the picture as a data URL."""
-    figure, axis = plt.subplots(figsize=(9.5, 3.0), layout="constrained")
+def draw_series(series: ParameterSeries, width: float) -> Figure:
+    """Draw values with intervals, the model and its changes, in a width [in]."""
+    figure = Figure(figsize=(width, 3.0), layout="constrained")
+    axis = figure.subplots()
     points, course = series.points, series.course
     unit, factor = user_unit(max(abs(p.value) for p in points), series.unit)
     dates: Any = [datetime.fromtimestamp(p.time, UTC) for p in points]
@@ -111,12 +111,13 @@ def draw_series(series: ParameterSeries) -> str:
     dates_of: Any = mdates  # untyped
     axis.xaxis.set_major_formatter(dates_of.ConciseDateFormatter(axis.xaxis.get_major_locator()))
     axis.set_title(f"{series.name} ({series.joint})", fontsize=10, loc="left")
-    figure.legend(*axis.get_legend_handles_labels(), loc="outside upper right", ncols=3)
+    legend = axis.get_legend_handles_labels()
+    if is_narrow(width):
+        figure.legend(*legend, loc="outside lower center", ncols=3)
+    else:
+        figure.legend(*legend, loc="outside upper right", ncols=3)
     axis.grid(axis="y", color="0.92")
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=110)
-    plt.close(figure)
-    return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode()
+    return figure
 
 
 def _alt(series: ParameterSeries, sentences: Sequence[str]) -> str:
@@ -134,9 +135,8 @@ def _groups(document: Mapping[str, Any], series: Sequence[ParameterSeries]) -> l
         where = (followed["robot"], followed["joint"])
         plots = [
             {
-                "picture": draw_series(one),
+                "picture": picture(partial(draw_series, one), _alt(one, entry["sentences"]), LOOK),
                 "sentences": entry["sentences"],
-                "alt": _alt(one, entry["sentences"]),
             }
             for one, entry in zip(series, document["series"], strict=True)
             if (one.robot, one.joint) == where
@@ -219,5 +219,4 @@ def _word(row: Mapping[str, Any]) -> str:
 
 def write_page(document: Mapping[str, Any], series: Sequence[ParameterSeries], path: Path) -> None:
     """Write the page to `path`."""
-    with mpl.rc_context({"font.size": 9}):
-        path.write_text(render(document, series), encoding="utf-8")
+    path.write_text(render(document, series), encoding="utf-8")

@@ -95,13 +95,13 @@ def change_in_words(series: ParameterSeries, change: Change) -> str:
     subject = f"{series.name} ({series.joint})"
     if change.kind == SLOPE:
         weekly = sorted(abs(v) * WEEK for v in (change.low, change.high))
-        verb = "grows" if change.size > 0.0 else "falls"
+        verb = "has grown" if change.size > 0.0 else "has fallen"
         rate = f"by {told(abs(change.size) * WEEK, series.unit)} a week"
         sure = f"90 % interval {_span(weekly[0], weekly[1], series.unit)}"
         if change.from_start:
             return f"{subject} {verb} {rate} ({sure}) over the whole time."
         return (
-            f"{subject} {verb} {rate} ({sure}) from {day(change.time)} on "
+            f"{subject} {verb} {rate} ({sure}) since {day(change.time)} "
             f"({day(change.earliest)} to {day(change.latest)})."
         )
     sizes = sorted(abs(v) for v in (change.low, change.high))

@@ -87,6 +87,43 @@ def is_cut_off(judge: Judge, usual: Score, score: Score) -> bool:
     )
 
 
+def cut_off_rivals[S: Score](
+    judge: Judge, nominal: Score, decision: Decision[S], found: Mapping[str, float], least: float
+) -> list[S]:
+    """Hypotheses at the end of their range that lower the probability of the named causes.
+
+    Parameters
+    ----------
+    judge : Judge
+        The judge that took the decision.
+    nominal : Score
+        Score of the re-tuned plant without effects.
+    decision : Decision
+        The decision, with all scores.
+    found : mapping
+        Probability of each explanation.
+    least : float
+        Probability below which an explanation is no rival.
+
+    Returns
+    -------
+    list of Score
+        Those that share no cause with what is named, the one that explains most first; none if
+        nothing is named.
+    """
+    if decision.chosen is None or not decision.is_named:
+        return []
+    usual = judge.usual(nominal, decision.tried)
+    rivals = [
+        score
+        for score in decision.tried
+        if {*decision.chosen.causes}.isdisjoint(score.causes)
+        and is_cut_off(judge, usual, score)
+        and found.get(_explanation(score), 0.0) >= least
+    ]
+    return sorted(rivals, key=judge.level)
+
+
 def _explanation(score: Score) -> str:
     """The explanation to which a hypothesis belongs, as it is named among the probabilities."""
     return UNKNOWN if score.unlisted else " + ".join(sorted(score.causes)) or NONE

@@ -112,7 +112,7 @@ BUS_AND_BOARD_KINDS: Final = (
     _K("measurement_gaps_with_burst", "bus", "the same, and a muscle bursts",
        {"gap": (0.022, 0.03), "period": (0.06, 0.1), "conductance": (4e-9, 1e-8)},
        ("pressure_implausible", "torque_implausible"), _R.VENT, 1.5,
-       "gaps must not blind the comparison with physics"),
+       "gaps must not blind the comparison with physics", air_drives=True),
     # --- boards ---
     _K("board_restart", "board", "a board loses power for a moment", {},
        ("board_not_active", "board_restarted", "board_fault"), _R.VENT, VENT,

@@ -79,9 +79,9 @@ class FaultKind:
         of this project.
     message : str
         Regular expression that a message of the driver must contain; it names device and object.
-    supply_drives : bool
-        Whether the joint may exceed `max_velocity`, as far as air from the supply drives it
-        although the driver does all that it may.
+    air_drives : bool
+        Whether the joint may exceed `max_velocity`, as far as air drives it although the driver
+        does all that it may.
     """
 
     name: str
@@ -97,4 +97,4 @@ class FaultKind:
     keeps_air: bool = False
     boards: tuple[str, ...] = ()
     message: str = ""
-    supply_drives: bool = False
+    air_drives: bool = False

@@ -72,8 +72,6 @@ def while_held(kinds: Sequence[FaultKind], names: Sequence[str]) -> list[FaultKi
         replace(
             kind, name=f"{kind.name}_while_held", layer=HELD_LAYER,
             text=f"{kind.text}, while the joint is held",
-            # the joint moves as fast as the air flows in, however soon the driver brakes
-            supply_drives=kind.name == "valve_stuck_open",
         )
         for kind in kinds if kind.name in names
     ]  # fmt: skip

@@ -72,7 +72,7 @@ SENSOR_AND_VALVE_KINDS: Final = (
        ("pressure_implausible", "over_pressure", "torque_implausible", "OVER_PRESSURE"), _R.VENT,
        0.15 + BRAKING, "the driver brakes with the other muscle, then vents; only a shut-off valve "
        "in the supply can stop the air",
-       keeps_air=True, supply_drives=True),
+       keeps_air=True, air_drives=True),
     _K("valve_stuck_shut", "valve", "a valve stays shut", {},
        ("pressure_implausible", "torque_implausible"), _R.VENT, 1.0 + BRAKING,
        "detected when the pressure should change", keeps_air=True),
@@ -82,7 +82,7 @@ SENSOR_AND_VALVE_KINDS: Final = (
     _K("muscle_burst", "valve", "a muscle or hose bursts; the hole is at least as large as "
        "the fully open valve", {"conductance": (4e-9, 1e-8)},
        ("pressure_implausible", "torque_implausible"), _R.VENT, 0.4 + BRAKING,
-       "detected when the pressure falls"),
+       "detected when the pressure falls", air_drives=True),
     _K("muscle_leak", "valve", "a muscle leaks through a smaller hole",
        {"conductance": (1.2e-9, 4e-9)}, ("suspected pressure_implausible", "pressure_implausible"),
        _R.NOTICED, 2.0, "a deviation below the limit is a warning"),
