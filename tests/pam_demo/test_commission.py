@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
 import pytest
 import yaml
 
@@ -115,6 +116,33 @@ def test_after_an_interruption_it_goes_on_behind_the_last_recording(
     rough.write_text(rough.read_text() + "\n# another\n")
     third, said = begin(WiredPort(elbow), refused="small steps of the angle")
     assert [step.motion for step in third.steps] == ["filling"]
+
+
+def test_numbers_with_which_nothing_is_planned_any_more_are_not_identified(
+    elbow: Rig,
+    begin: Callable[..., Any],
+    rough: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    time = [PERIOD * k for k in range(40)]
+    table = pd.DataFrame({"time": time, "joint_states.elbow.position": [0.0] * 40})
+    kept = Kept(tmp_path / "out", rough.read_text())
+    kept.check()
+    for name in ("filling", "staircase", "steps"):
+        kept.add(name, table)
+    fitted: list[int] = []
+
+    def refused(
+        _rig: object, _joint: int, recordings: list[object], *_: object, **__: object
+    ) -> Any:
+        fitted.append(len(recordings))
+        return Calibration("elbow", numbers=(object(),), refused=("Enough.",))  # type: ignore[arg-type]
+
+    monkeypatch.setattr(sequence_module, "calibrate_joint", refused)
+    done, _ = begin(WiredPort(elbow))
+    assert done.ended == "Enough."
+    assert fitted == [2]
 
 
 @pytest.mark.usefixtures("quick_limits")

@@ -377,7 +377,7 @@ def test_a_valve_whose_zero_is_off_is_no_reversed_one(elbow: Rig) -> None:
             return super().advance((commands[0] + 0.03, commands[1]))
 
     text = touch(LeakingPort(elbow), elbow)
-    assert text.startswith("elbow_flexor fills although its valve is told to be shut")
+    assert text.startswith("elbow_flexor fills although its valve should be shut")
 
 
 def test_a_single_wrong_reading_accuses_no_valve(elbow: Rig) -> None:

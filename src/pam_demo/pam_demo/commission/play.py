@@ -123,7 +123,7 @@ def touch(port: RobotPort, rig: Rig) -> str:
             return _sentence(problem)
         if fills is not None and opened is None:
             return (
-                f"{joint.muscles[fills]} fills although its valve is told to be shut: the valve "
+                f"{joint.muscles[fills]} fills although its valve should be shut: the valve "
                 "leaks, or its zero is off."
             )
         if fills is not None and opened is not None:

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import Final
 
@@ -59,6 +60,12 @@ COARSE: Final = 2.0
 QUICK: Final = CalibrationRules(rounds=1, last_steps=6, kept_steps=2)
 """For the numbers between two motions; the last identification takes all its steps."""
 FULL: Final = CalibrationRules()
+PARTS: Final[Sequence[tuple[Sequence[str], CalibrationRules]]] = (
+    (("filling", "staircase"), QUICK),
+    (("steps",), QUICK),
+    (("fast", "withheld"), FULL),
+)
+"""Motions, and how the numbers are identified after them."""
 FORESEEN_SPEED: Final = 1.5
 """A joint that is faster than foreseen for the least favourable robot, by this factor, does not
 fit."""
@@ -169,9 +176,10 @@ class Commissioning:
         try:
             rig, known = self.check()
             seen: dict[str, pd.DataFrame] = {}
-            for names, rules in ((("filling", "staircase"), QUICK), (("steps",), QUICK),
-                                 (("fast", "withheld"), FULL)):  # fmt: skip
+            for (names, rules), (later, _) in pairwise((*PARTS, ((), FULL))):
                 seen |= self._motions(names, rig, known)
+                if later and all(name in self.kept for name in later):
+                    continue  # nothing is planned with what would be identified
                 self._identify(seen, rules)
                 assert result.calibration is not None
                 if result.calibration.rig is not None:
