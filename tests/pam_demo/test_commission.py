@@ -130,7 +130,7 @@ def test_numbers_with_which_nothing_is_planned_any_more_are_not_identified(
     kept.check()
     for name in ("filling", "staircase", "steps"):
         kept.add(name, table)
-    fitted: list[int] = []
+    fitted: list[list[str]] = []
 
     def refused(
         _rig: object, _joint: int, recordings: list[object], *_: object, **__: object
