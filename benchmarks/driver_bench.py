@@ -14,9 +14,9 @@ from pathlib import Path
 from pam_driver.can_bus.bus import BusState, ReceivedFrame, SendOutcome
 from pam_driver.driver import Driver
 from pam_driver.driver_settings import DriverSettings
-from pam_driver.safety.command_intake import NamedCommand
 from pam_driver.safety.pressure_plausibility import PressurePlausibility
 from pam_driver.safety.states import SafetyState
+from pam_driver.safety.valve_command_intake import NamedCommand
 from pam_model.rig import load_rig
 from pam_model.robot import compose
 from pam_sim.simulated_rig import SimulatedRig

@@ -24,9 +24,9 @@ from pam_driver.boards.wiring import RigWiring
 from pam_driver.buses import OnlyBus, open_buses
 from pam_driver.driver import ActivationError, Driver
 from pam_driver.driver_settings import DriverSettings
-from pam_driver.safety.command_intake import NamedCommand
 from pam_driver.safety.pressure_plausibility import PressurePlausibility
 from pam_driver.safety.states import SafetyState
+from pam_driver.safety.valve_command_intake import NamedCommand
 from pam_model.rig import load_rig
 from pam_model.robot import compose
 from pam_ros.periodic import PeriodicLoop

@@ -11,8 +11,8 @@ from pam_check.state_walk.walk import Violation, walk
 from pam_control.references.reference_generator import ReferenceGenerator
 from pam_driver.board_set import BoardSet
 from pam_driver.driver import Driver
-from pam_driver.safety.command_intake import ValveCommandIntake
 from pam_driver.safety.states import TRANSITIONS, SafetyEvent, SafetyState
+from pam_driver.safety.valve_command_intake import ValveCommandIntake
 from pam_driver.start_up import StartUp
 from pam_model.errors import PamError
 from pam_model.rig import Rig, load_rig

@@ -27,10 +27,11 @@ def rough():
 
 
 def hidden(
-    rough: RoughControl, effects: Sequence[str], late: float = 0.0
+    rough: RoughControl, effects: Sequence[str], late: float = 0.0, **friction: float
 ) -> tuple[TruthJoint, Muscles]:
-    """The rig with several effects and a delay of the commands [s]."""
+    """The rig with several effects, a delay of the commands [s] and friction."""
     joint, muscles = rough.hidden("nothing")
+    joint = joint._replace(**friction)
     for effect in effects:
         joint, muscles = size_of(effect).applied(joint, muscles)
     return joint, tuple(muscle._replace(command_delay=late) for muscle in muscles)
@@ -67,7 +68,7 @@ def first_told(rough, rig, points, seed):
     [
         (["stribeck_friction"], 0.0, "chirp", ("dry friction that sticks",)),
         ([], 0.024, "arm", ("a delay",)),
-        ([], 0.03, "arm", ("a delay", "oscillates")),
+        ([], 0.03, "arm", ("likely cause: a delay",)),
         (["hysteresis"], 0.019, "arm", ("a delay",)),
         (["tube_restriction", "stribeck_friction"], 0.0, "chirp", ("a tube",)),
     ],
@@ -81,6 +82,19 @@ def test_swings_are_told_within_three_seconds_with_their_likely_cause(
     time, told = found
     assert time < TOLD_WITHIN
     assert any(cause in told for cause in causes), told
+
+
+@pytest.mark.parametrize(("sliding", "breakaway", "speed"), [(0.25, 0.5, 0.1), (0.4, 0.8, 0.05)])
+def test_friction_that_falls_with_speed_is_not_told_as_a_delay_alone(
+    rough, sliding, breakaway, speed
+):
+    """Its cycle is so soft that the joint does not stop; its torque takes work all the time."""
+    friction = {"coulomb_torque": sliding, "static_torque": breakaway, "stribeck_speed": speed}
+    found = first_told(rough, hidden(rough, [], **friction), rough.motions["chirp"], 5)
+    assert found is not None
+    time, told = found
+    assert time < TOLD_WITHIN
+    assert "likely cause: dry friction" in told
 
 
 @pytest.mark.parametrize("effect", ["nothing", "coulomb_friction", "payload", "position_delay"])

@@ -15,7 +15,8 @@ from pam_control.adaptation.flow_adaptation import (
     unit_loss,
 )
 from pam_control.adaptation.motion_functions import begin_memory, element, move_memory
-from pam_control.adaptation.recursive_fit import CORRELATED, RecursiveFit, Suspect
+from pam_control.adaptation.normal_equations import CORRELATED
+from pam_control.adaptation.recursive_fit import RecursiveFit, Suspect
 from pam_control.adaptation.tube_pressure import pressure_behind_tube
 from pam_control.controller import Controller
 from pam_control.cycle.pressure_loops import PressureLoops

@@ -12,7 +12,7 @@ from pam_control.adaptation.motion_functions import (
     element,
     move_memory,
 )
-from pam_control.adaptation.recursive_fit import CORRELATED
+from pam_control.adaptation.normal_equations import CORRELATED
 from pam_control.adaptation.torque_adaptation import DELAY, RIVALS, SLIPS, TorqueAdaptation
 from pam_control.rows.plan_rows import N_LEARNING, N_MEMORY, N_PLAN
 

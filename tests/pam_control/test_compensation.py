@@ -13,6 +13,7 @@ from pam_control.compensation.dry_friction import SMOOTHING_SPEED, JointFriction
 from pam_control.compensation.history_torque import history_torque
 from pam_control.joint_models import JointModels
 from pam_control.laws.position_rows import PositionRows
+from pam_control.rows.plan_rows import W_PLANNED
 from pam_model.effects.valve_dead_zone import ROUNDED
 from pam_model.plant.compiled import for_kernel
 from pam_model.plant.composition import memory_pull
@@ -56,10 +57,12 @@ class Memory:
 def along(rig):
     """The torque of the history of the first joint, as a function of time and reference."""
     rows = rows_of(rig)
-    own = (rows.c[0], rows.j[0], rows.y[0], rows.memory[0])
+    own = (rows.c[0], rows.j[0], rows.w[0], rows.y[0], rows.memory[0])
 
     def torque(time, position, velocity=0.0, acceleration=0.0, pressure=2e5):
-        return history_torque(*own, time, position, velocity, acceleration, pressure, pressure)
+        for muscle in rows.w[0]:
+            muscle[W_PLANNED] = pressure
+        return history_torque(*own, time, position, velocity, acceleration)
 
     return torque
 

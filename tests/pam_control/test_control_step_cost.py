@@ -5,7 +5,8 @@ import math
 import pstats
 from functools import partial
 
-from pam_control.adaptation.recursive_fit import UNSOLVED, RecursiveFit
+from pam_control.adaptation.normal_equations import UNSOLVED
+from pam_control.adaptation.recursive_fit import RecursiveFit
 from pam_control.control_step import Measurement
 from pam_control.controller import Controller
 from pam_control.settings import ControlSettings

@@ -12,7 +12,7 @@ import pytest
 pytest.importorskip("rclpy")
 
 from pam_control import controller_inputs
-from pam_control.controller_inputs import ControllerInputs
+from pam_control.controller_inputs import ControllerInputs, NodeSide
 from pam_model.rig import Rig
 from pam_ros.joint_state_bytes import JointStateWriter
 
@@ -34,7 +34,9 @@ def topics(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> Any:
     monkeypatch.setattr(controller_inputs, "PolledTopic", Topic)
     made: dict[str, Any] = {}
     inputs = ControllerInputs(
-        made, rig, lambda: NOW, lambda _: contextlib.nullcontext(), lambda _: None, lambda: None
+        NodeSide(
+            made, rig, lambda: NOW, lambda _: contextlib.nullcontext(), lambda _: None, lambda: None
+        )
     )
     return SimpleNamespace(inputs=inputs, **made)
 

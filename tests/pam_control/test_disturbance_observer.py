@@ -14,7 +14,7 @@ from pam_control.feedback.disturbance_observer import begin_observer, observed_l
 from pam_control.feedback.margins import ControlDesignError
 from pam_control.plan_memory import Rings, measure, value_at
 from pam_control.references.trajectory import TrajectoryPoint
-from pam_control.rows.plan_rows import N_MEASURED, N_PLAN, P_A
+from pam_control.rows.plan_rows import N_PLAN, P_MEASURED
 from pam_control.settings import ControlSettings
 
 SETTLE = 2.0
@@ -125,14 +125,14 @@ def test_a_delay_of_the_position_that_is_known_is_no_disturbance():
     inertia, damping, delay, step = 0.05, 0.25, 0.02, 0.002
 
     def found(known: float) -> float:
-        state, pressures, seen = [0.0] * N_PLAN, Rings(1, N_MEASURED), []
+        state, pressures, seen = [0.0] * N_PLAN, Rings(1, P_MEASURED + 1), []
         begin_observer(state, 0.0, 0.0)
         for cycle in range(1000):
             now = cycle * step
             torque = inertia * -36.0 * math.sin(6.0 * now) + damping * 6.0 * math.cos(6.0 * now)
-            measure(pressures.rows[0], pressures.ends[0], now, torque, 0.0, 0.1)
+            measure(pressures.rows[0], pressures.ends[0], now, [[torque]], 0, 0.1)
             speed = 6.0 * math.cos(6.0 * (now - delay))
-            muscles = value_at(pressures.rows[0], pressures.ends[0], now - known, P_A, 1.0)
+            muscles = value_at(pressures.rows[0], pressures.ends[0], now - known, P_MEASURED, 1.0)
             seen.append(
                 observed_loss(
                     state, step, muscles, 0.0, speed, inertia, damping, 0.0, 40.0, 1e-6, 5.0

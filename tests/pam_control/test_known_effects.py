@@ -11,7 +11,7 @@ from pam_control.feedback.closed_loop import is_stable
 from pam_control.feedback.margins import margins
 from pam_control.plan_memory import Rings, planned_at, planned_rate, remember
 from pam_control.references.spline import JointReference
-from pam_control.rows.plan_rows import N_PLANNED, P_A, P_B, P_KNOWN, P_MEMORY, P_STIFFNESS
+from pam_control.rows.plan_rows import P_KNOWN, P_MEMORY, P_PRESSURES, P_STIFFNESS
 from pam_control.settings import ControlSettings
 from pam_model.effects import EFFECTS
 from pam_model.robot import compose
@@ -231,22 +231,21 @@ def test_a_small_difference_of_the_valves_delays_keeps_the_feedforward_of_both(
 @pytest.mark.parametrize("period", [0.0005, 0.002, 0.02])
 def test_plans_reach_back_over_every_delay_at_every_rate(period):
     """Remembered by time: 0.4 s of delay is 20 plans at 50 Hz and 800 plans at 2 kHz."""
-    delay, slope = 0.4, (3e4, -2e4)
-    plans = Rings(1, N_PLANNED)
+    delay, slopes = 0.4, (3e4, -2e4, 1e4)
+    plans = Rings(1, P_PRESSURES + len(slopes))
     for cycle in range(round(1.0 / period) + 1):
         time = cycle * period
         plans.make_room()
         own = plans.rows[0], plans.ends[0]
-        remember(
-            *own, time - delay, time, slope[0] * time, slope[1] * time, 10.0 * time, 0.1 * time,
-            0.2 * time,
-        )  # fmt: skip
-    for field, rate in ((P_A, slope[0]), (P_B, slope[1]), (P_STIFFNESS, 10.0), (P_MEMORY, 0.1)):
+        muscles = [[slope * time] for slope in slopes]
+        remember(*own, time - delay, time, muscles, 0, 10.0 * time, 0.1 * time, 0.2 * time)
+    rates = dict(enumerate(slopes, P_PRESSURES))
+    for field, rate in {**rates, P_STIFFNESS: 10.0, P_MEMORY: 0.1}.items():
         assert planned_at(*own, time - delay, field) == pytest.approx(rate * 0.6)
     assert planned_at(*own, time - delay, P_KNOWN) == pytest.approx(0.12)
     for lead in (0.0, 1e-6, 0.3 * period, 3.7 * period):
-        assert planned_rate(*own, time - lead, P_A) == pytest.approx(slope[0])
-        assert planned_rate(*own, time - lead, P_B) == pytest.approx(slope[1])
+        for field, rate in rates.items():
+            assert planned_rate(*own, time - lead, field) == pytest.approx(rate)
     assert own[1][1] < 0.6 / period
 
 

@@ -219,6 +219,32 @@ def test_errors_that_repeat_are_learnt_as_a_whole():
     assert motion.share == 1.0
 
 
+def repetitions_of_a_joint_that_answers(share, count):
+    """RMS errors [rad] of a joint that answers with a share of what the filter expects."""
+    wanted = np.sin(0.05 * np.arange(500))
+    motion = RepeatedMotion(Adding(), PERIOD, 1)
+    times = [PERIOD * k for k in range(wanted.size + 1)]
+    for _ in range(count):
+        played = 0.0 if motion.played is None else motion.played.correction
+        error = wanted - share * played
+        motion.take(RepetitionRecord(times, [*error, 0.0], [0.0] * len(times), [0.1] * len(times)))
+    assert motion.ended == ""
+    return np.array(motion.history)
+
+
+def test_a_joint_that_answers_little_is_learnt_in_longer_steps():
+    """Friction holds the joint: with steps as the filter has them, 0.8 of an error would remain."""
+    errors = repetitions_of_a_joint_that_answers(0.2, 7)
+    assert errors[-1] < 0.6**5 * 1.01 * errors[0]
+
+
+@pytest.mark.parametrize("share", [0.3, 0.5, 0.8, 1.0, 1.3, 1.7])
+def test_longer_steps_make_no_repetition_worse_than_the_one_before(share):
+    errors = repetitions_of_a_joint_that_answers(share, 8)
+    assert np.all(np.diff(errors) < 1e-9)
+    assert errors[-1] < 0.05 * errors[0]
+
+
 def test_another_motion_under_the_same_name_is_not_mixed_with_it():
     motion = RepeatedMotion(Adding(), PERIOD, 1)
     motion.take(recording(0.01))

@@ -10,7 +10,7 @@ import pytest
 
 from pam_control.control_step import Measurement
 from pam_control.controller import Controller
-from pam_control.feedback.loop_watch import OscillationWatch, TrackingWatch
+from pam_control.feedback.motion_watch import OscillationWatch, TrackingWatch
 from pam_control.loop_guard import LoopGuard
 from pam_control.settings import ControlSettings
 from pam_model.plant.parameters import PlantParameters

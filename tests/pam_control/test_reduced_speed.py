@@ -41,13 +41,13 @@ def test_a_trajectory_is_played_at_the_reduced_speed_until_full_speed_is_permitt
 
 def test_each_change_brakes_and_holds_and_no_reference_becomes_faster_by_itself(closed_loop, rig):
     controller, loop = made(closed_loop, rig)
-    controller.reduce_speed(False, loop.time)
+    controller.limits.reduce_speed(False, loop.time)
     loop.run(0.1)
     assert controller.reason_against_references() == ""
     send(controller, loop)
     loop.run(0.2)
     assert controller.references.speed("elbow") > 1.0
-    controller.reduce_speed(True, loop.time)
+    controller.limits.reduce_speed(True, loop.time)
     assert "another speed" in controller.reason_against_references()
     record = loop.run(0.5)
     assert np.abs(np.diff(record.column(1), 2)).max() / 0.002**2 < 1.02 * 200.0
@@ -56,7 +56,7 @@ def test_each_change_brakes_and_holds_and_no_reference_becomes_faster_by_itself(
     assert controller.references.sample("elbow", loop.time).position < 0.55, "it went on"
     assert "slowed down" in send(controller, loop)
     loop.run(0.3)
-    controller.reduce_speed(False, loop.time)
+    controller.limits.reduce_speed(False, loop.time)
     speed = np.abs(np.diff(loop.run(0.6).column(1))) / 0.002
     assert speed.max() < 0.31
     assert speed[-1] < 1e-3

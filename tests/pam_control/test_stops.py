@@ -7,7 +7,7 @@ import pytest
 
 from pam_control.controller import MODEL_BASED, Controller
 from pam_control.laws.pressure_ratio_pid import PressureRatioPid
-from pam_control.lowering import EMPTY, LoweringPhase
+from pam_control.reference_lowering import EMPTY, LoweringPhase
 from pam_control.references.trajectory import TrajectoryPoint
 from pam_control.settings import ControlSettings
 

@@ -1,5 +1,7 @@
 """Small swings, at rest and in motion, are told with their cause, and nothing else is."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -17,13 +19,16 @@ STEP = 3.8e-4  # rad, of the encoder
 PUSHES = np.cumsum(np.random.default_rng(2).uniform(0.3, 2.0, 40))  # s
 
 
-def told(error, seconds=6.0, motion=lambda time: (0.0, 0.0)):
+def told(
+    error, seconds=6.0, motion=lambda time: (0.0, 0.0), torque=lambda time, velocity: math.nan
+):
     """When the watch tells something of an error over time, and what.
 
-    `motion` gives velocity and acceleration of the reference.
+    `motion` gives velocity and acceleration of the reference, `torque` what the muscles have beside
+    the model [N m] at a velocity of the joint [rad/s].
     """
     random, watch, reversals = np.random.default_rng(1), SwingWatch(), Reversals()
-    target = 0.0  # rad
+    target, before = 0.0, 0.0  # rad
     for k in range(round(seconds / PERIOD)):
         time = k * PERIOD
         seen = STEP * round((error(time) + 1e-4 * random.standard_normal()) / STEP)
@@ -31,7 +36,9 @@ def told(error, seconds=6.0, motion=lambda time: (0.0, 0.0)):
         changes = reversals.update(velocity, acceleration)
         target += velocity * PERIOD
         rests = velocity == 0.0 and acceleration == 0.0
-        what = watch.update(time, seen, target - seen, changes, rests)
+        true = target - error(time)
+        beside, before = torque(time, (true - before) / PERIOD), true
+        what = watch.update(time, seen, target - seen, changes, rests, beside)
         if what:
             return time, what
     return None
@@ -111,6 +118,32 @@ def test_swings_that_do_not_end_where_the_joint_stops_do_not_come_from_sticking(
     found = told(lambda t: 5e-3 * np.sin(2.0 * np.pi * hertz * t), motion=lambda t: (speed, 0.0))
     assert found is not None
     assert not found[1].sticks
+
+
+@pytest.mark.parametrize("speed", [-0.15, 0.0, 0.15])
+@pytest.mark.parametrize("friction", [0.0, 0.05, 0.25, 0.5])
+def test_friction_is_told_by_the_work_that_its_torque_takes(speed, friction):
+    """The inertia of the swings takes as much as it gives; friction takes all the time."""
+    hertz, size = 5.0, 4e-3
+    omega = 2.0 * np.pi * hertz
+    inertia = 0.05 * size * omega**2  # N m, 0.14 from peak to peak of its sine
+
+    def torque(time, velocity):
+        return friction * np.sign(velocity) + inertia * np.sin(omega * time)
+
+    found = told(lambda t: size * np.sin(omega * t), motion=lambda t: (speed, 0.0), torque=torque)
+    assert found is not None
+    assert not found[1].sticks
+    if speed != 0.0:
+        assert found[1].rubs == (friction >= 0.25)
+    else:  # at rest friction reverses with the speed, and swings more itself
+        assert not (found[1].rubs and friction < 0.25)
+
+
+def test_without_torques_nothing_is_told_of_friction():
+    found = told(lambda t: 5e-3 * np.sin(30.0 * t), motion=lambda t: (0.3, 0.0))
+    assert found is not None
+    assert not found[1].rubs
 
 
 @pytest.mark.parametrize(
@@ -201,7 +234,9 @@ def test_a_loop_without_one_is_not(closed_loop, rig, reaching):
     assert controller.guard.lowered == 0
 
 
-def swinging(guard, behind_tube=0, steps=2, size=lambda time: 6e-3, hertz=5.0, speed=0.0):
+def swinging(
+    guard, behind_tube=0, steps=2, size=lambda time: 6e-3, hertz=5.0, speed=0.0, torque=math.nan
+):
     """What the guard asks for, with the times [s], of a joint that swings, at rest or in motion."""
     asked, means = [], Means(True, steps, [14.0])
     for k in range(round(8.0 / PERIOD)):
@@ -209,7 +244,9 @@ def swinging(guard, behind_tube=0, steps=2, size=lambda time: 6e-3, hertz=5.0, s
         error = 0.5 * size(time) * np.sin(2.0 * np.pi * hertz * time)
         reference = JointReference(speed * time, speed)
         motion = MeasuredMotion(reference.position - error, speed, time)
-        joint = JointTelemetry(reference, motion, error, behind_tube=behind_tube)
+        joint = JointTelemetry(
+            reference, motion, error, behind_tube=behind_tube, unexplained=torque
+        )
         verdict = guard.judge(time, [joint], 0.3, means)
         if verdict is not GuardAction.NOTHING:
             asked.append((time, verdict))
@@ -251,6 +288,35 @@ def test_a_joint_that_sticks_in_motion_keeps_its_gains(rig):
     assert asked == []
     assert "in motion" in guard.swings
     assert "dry friction that sticks" in guard.swings
+
+
+@pytest.mark.parametrize(("torque", "is_friction"), [(0.4, True), (-0.4, False), (0.0, False)])
+def test_a_joint_that_rubs_in_motion_keeps_its_gains_and_both_causes_are_told(
+    rig, torque, is_friction
+):
+    """A torque that drives the joint, such as that of a load, is no friction."""
+    guard = LoopGuard(compose(rig).joints)
+    asked = swinging(guard, speed=0.4, torque=torque)
+    assert ("dry friction or hysteresis" in guard.swings) == is_friction
+    assert "a delay" in guard.swings
+    assert (asked == []) == is_friction
+
+
+def test_an_oscillation_is_told_with_its_likely_cause(rig):
+    """The first of a long delay grows so fast that it is fast before it is an even swing."""
+    guard = LoopGuard(compose(rig).joints)
+    means, hertz = Means(True, 2, [14.0]), 7.0
+    omega = 2.0 * np.pi * hertz
+    for k in range(round(3.0 / PERIOD)):
+        time = k * PERIOD
+        size = 1e-3 * np.exp(4.0 * time)
+        error = size * np.sin(omega * time)
+        motion = MeasuredMotion(-error, -size * omega * np.cos(omega * time), time)
+        joint = JointTelemetry(JointReference(0.0), motion, error)
+        if guard.judge(time, [joint], 0.3, means) is GuardAction.SOFTEN:
+            break
+    assert "oscillates" in guard.softened
+    assert "likely cause: a delay" in guard.softened
 
 
 def test_a_tube_that_was_found_is_the_likely_cause(rig):

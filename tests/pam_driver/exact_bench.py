@@ -21,9 +21,9 @@ from pam_driver.boards.pam_board.codec import (
 from pam_driver.can_bus.bus import BusState, ReceivedFrame, SendOutcome
 from pam_driver.driver import Driver
 from pam_driver.driver_settings import DriverSettings
-from pam_driver.safety.command_intake import NamedCommand
 from pam_driver.safety.pressure_plausibility import Deviation
 from pam_driver.safety.states import SafetyState
+from pam_driver.safety.valve_command_intake import NamedCommand
 from pam_model.rig import Rig
 from support.commands import offer
 

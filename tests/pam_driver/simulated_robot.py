@@ -8,8 +8,8 @@ from pam_driver.boards.pam_board.codec import BoardCode, BoardCodec, BoardComman
 from pam_driver.can_bus.bus import BusState, ReceivedFrame, SendOutcome
 from pam_driver.driver import Driver
 from pam_driver.driver_settings import DriverSettings
-from pam_driver.safety.command_intake import NamedCommand
 from pam_driver.safety.states import SafetyState
+from pam_driver.safety.valve_command_intake import NamedCommand
 from pam_model.rig import Rig, load_rig
 from pam_sim.simulated_rig import SimulatedRig
 from support.rigs import CONFIG

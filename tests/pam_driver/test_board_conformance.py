@@ -19,8 +19,8 @@ from pam_driver.boards.wiring import RigWiring
 from pam_driver.can_bus.bus import BusState, ReceivedFrame, SendOutcome
 from pam_driver.driver import Driver
 from pam_driver.driver_settings import DriverSettings
-from pam_driver.safety.command_intake import NamedCommand
 from pam_driver.safety.states import SafetyState
+from pam_driver.safety.valve_command_intake import NamedCommand
 from pam_model.errors import PamError, RigError
 from pam_model.rig import Rig, load_rig, save_rig
 from pam_sim.boards import register as twin_register

@@ -7,7 +7,11 @@ from dataclasses import replace
 
 import pytest
 
-from pam_driver.safety.command_intake import CommandRefusedError, NamedCommand, ValveCommandIntake
+from pam_driver.safety.valve_command_intake import (
+    CommandRefusedError,
+    NamedCommand,
+    ValveCommandIntake,
+)
 from pam_model.errors import PamError
 from pam_model.rig import Rig
 

@@ -22,8 +22,8 @@ from pam_driver.boards.wiring import RigWiring
 from pam_driver.can_bus.bus import BusState, CanPort, SendOutcome, open_bus
 from pam_driver.driver import ActivationError, Driver
 from pam_driver.driver_settings import DriverSettings
-from pam_driver.safety.command_intake import CommandRefusedError, NamedCommand
 from pam_driver.safety.states import SafetyState
+from pam_driver.safety.valve_command_intake import CommandRefusedError, NamedCommand
 from pam_driver.snapshot import Snapshot
 from pam_model.errors import PamError
 from pam_model.rig import Encoder, Rig

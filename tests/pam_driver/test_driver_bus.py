@@ -16,8 +16,8 @@ from pam_driver.boards.pam_board.codec import (
     ValveCommand,
 )
 from pam_driver.can_bus.bus import ReceivedFrame, SendOutcome
-from pam_driver.safety.command_intake import NamedCommand
 from pam_driver.safety.states import SafetyState
+from pam_driver.safety.valve_command_intake import NamedCommand
 from pam_model.rig import Encoder, Rig
 
 from .exact_bench import GOOD, NAMES, SETTINGS, SETTLED, TICK, ExactBench

@@ -17,8 +17,8 @@ from pam_driver.boards.pam_board.codec import (
 from pam_driver.boards.protocol import Condition
 from pam_driver.can_bus.bus import BusState, SendOutcome
 from pam_driver.driver import ActivationError
-from pam_driver.safety.command_intake import CommandRefusedError, NamedCommand
 from pam_driver.safety.states import SafetyState
+from pam_driver.safety.valve_command_intake import CommandRefusedError, NamedCommand
 from pam_model.rig import Encoder, Rig
 
 from .exact_bench import GOOD, NAMES, SETTINGS, SETTLED, SUPPLY, TICK, ExactBench

@@ -13,8 +13,8 @@ from std_msgs.msg import Bool
 from pam_driver.boards.pam_board.codec import BoardCode, BoardCodec
 from pam_driver.boards.protocol import EMERGENCY_STOP, ENABLING_SWITCH
 from pam_driver.driver_parameters import PEOPLE_TOPICS
-from pam_driver.safety.command_intake import NamedCommand
 from pam_driver.safety.states import SafetyState
+from pam_driver.safety.valve_command_intake import NamedCommand
 from support.reruns import HOST_STALLS
 
 from .node_bench import NAMES

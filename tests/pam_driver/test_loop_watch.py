@@ -11,9 +11,9 @@ import pytest
 from pam_driver.boards.echo_delay import EchoDelay
 from pam_driver.boards.pam_board.codec import BoardCodec
 from pam_driver.driver import ActivationError
-from pam_driver.safety.command_intake import NamedCommand
 from pam_driver.safety.loop_watch import WINDOW, LoopWatch
 from pam_driver.safety.states import SafetyState
+from pam_driver.safety.valve_command_intake import NamedCommand
 from pam_model.rig import Rig
 
 from .arm_bench import ArmBench

@@ -19,8 +19,8 @@ from pam_driver.can_bus.identifiers import EXTENDED, FD
 from pam_driver.driver import Driver
 from pam_driver.driver_diagnostics import DriverDiagnostics
 from pam_driver.driver_settings import DriverSettings
-from pam_driver.safety.command_intake import NamedCommand
 from pam_driver.safety.states import SafetyState
+from pam_driver.safety.valve_command_intake import NamedCommand
 from pam_model.errors import RigError
 from pam_model.rig import Bus, load_rig, save_rig
 from pam_ros.periodic import LoopStatistics

@@ -24,10 +24,10 @@ from pam_driver.boards.protocol import EMERGENCY_STOP, ENABLING_SWITCH, Conditio
 from pam_driver.can_bus.bus import BusState, ReceivedFrame, SendOutcome
 from pam_driver.driver import Driver
 from pam_driver.driver_settings import DriverSettings
-from pam_driver.safety.command_intake import NamedCommand
 from pam_driver.safety.people_inputs import PeopleInputs
 from pam_driver.safety.since_judged import SinceJudged
 from pam_driver.safety.states import SafetyState
+from pam_driver.safety.valve_command_intake import NamedCommand
 from pam_model.rig import People, Rig
 from pam_ros.polled_topic import EVERY, PolledTopic
 

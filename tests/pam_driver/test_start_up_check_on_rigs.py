@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 
 from pam_driver.driver import ActivationError
-from pam_driver.safety.command_intake import CommandRefusedError, NamedCommand
 from pam_driver.safety.start_up_check import (
     ABORT_ANGLE,
     StartUpCheck,
 )
 from pam_driver.safety.states import SafetyState
+from pam_driver.safety.valve_command_intake import CommandRefusedError, NamedCommand
 from pam_model.rig import PressureSensor, Rig, load_rig
 from pam_model.robot import compose
 from pam_sim.faults.rig_faults import constant, stuck

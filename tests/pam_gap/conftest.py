@@ -9,9 +9,9 @@ import pytest
 
 from pam_gap.recordings.recording import Recording
 from pam_model.plant.layout import C_EXTERNAL
-from pam_model.plant.lever_arm import LeverArm
 from pam_model.plant.parameters import PlantParameters
 from pam_model.plant.simulate import Plant
+from pam_model.plant.uneven_pulley import UnevenPulley
 from pam_model.rig import Rig, load_rig
 
 SAMPLE_TIME = 0.004
@@ -34,7 +34,7 @@ def record(rig: Rig) -> Maker:
         duration: float = 14.0,
         cells: bool = False,
         pushed: Callable[[float], float] | None = None,
-        arm: LeverArm | None = None,
+        arm: UnevenPulley | None = None,
     ) -> Recording:
         parameters = PlantParameters.from_rig(rig).forced(changes or {})
         plant = Plant(parameters, step=1e-3)

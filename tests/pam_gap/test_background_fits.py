@@ -1,5 +1,6 @@
 """An ordinary background is fitted in whole diagnoses of simulated recordings, and is not named."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -7,11 +8,12 @@ import pytest
 
 from pam_gap.diagnosis_engine import JointDiagnosis
 from pam_gap.inference.candidates import ordinary_sizes
+from pam_gap.inference.hypothesis import FitTask, Hypothesis
 from pam_gap.inference.search import CandidateSearch
 from pam_gap.prediction.fit import mean_squares
 from pam_gap.rules import DEFAULT
 from pam_model.plant.compiled import HAVE_NUMBA
-from pam_model.plant.lever_arm import LeverArm
+from pam_model.plant.uneven_pulley import UnevenPulley
 from pam_model.rig import Rig
 
 from .conftest import Maker
@@ -67,6 +69,35 @@ def test_a_background_is_no_pair_of_causes(rig: Rig, record: Maker) -> None:
 
 
 @needs_numba
+def test_a_search_without_a_background_goes_on_from_the_sizes_found_with_one(
+    rig: Rig, record: Maker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It took longer than everything else: all single effects were fitted to the end."""
+    volumes = {f"{side}.dead_volume": 6e-5 for side in ("agonist", "antagonist")}
+    engine = with_few(JointDiagnosis(rig, 0, [record(volumes)]))
+    search = CandidateSearch(engine.fitter, engine.candidates())
+    first = search.singles()
+    engine.fitter.without_background()
+    fit_all, asked = engine.fitter.fit_all, []
+
+    def noted(tasks: Sequence[FitTask]) -> list[Hypothesis]:
+        asked.append(tasks)
+        return fit_all(tasks)
+
+    monkeypatch.setattr(engine.fitter, "fit_all", noted)
+    again = search.again(first)
+    at = len(engine.fitter.nuisances)
+    found = {h.label: h.result.values[at:] for h in first.by_size[0]}
+    for task in asked[0]:
+        assert task.max_iterations == engine.rules.search.screening_steps
+        assert task.cached is not None
+        np.testing.assert_array_equal(task.start[at:], found[task.members[0].label])
+    assert {h.label for h in again.by_size[0]} == set(found)
+    assert again.by_size[0][0].effects == ("dead_volume",)
+    assert search.level(again.by_size[0][0]) < 1.0
+
+
+@needs_numba
 def test_an_eccentric_encoder_is_no_offset_of_it(rig: Rig, record: Maker) -> None:
     recording = record()
     values = dict(recording.values)
@@ -80,7 +111,7 @@ def test_an_eccentric_encoder_is_no_offset_of_it(rig: Rig, record: Maker) -> Non
 
 @needs_numba
 def test_an_eccentric_pulley_is_no_wrong_radius(rig: Rig, record: Maker) -> None:
-    engine = JointDiagnosis(rig, 0, [record(arm=LeverArm(1.1, 0.35, -0.1, 0.02))])
+    engine = JointDiagnosis(rig, 0, [record(arm=UnevenPulley(1.1, 0.35, -0.1, 0.02))])
     few = [c for c in engine.candidates() if c.effect in ("pulley_radius", "position_offset")]
     engine.candidates = lambda: few  # type: ignore[method-assign]
     answer = engine.run()
@@ -99,7 +130,7 @@ def test_a_fit_removes_the_background_without_calling_it_a_cause(rig: Rig, recor
     engine = JointDiagnosis(rig, 0, [record(ordinary_amount, duration=9.0)])
     nominal = engine.fitter.fit_nominal()
     left = nominal.mean_square[2]
-    simulated = mean_squares(engine.fitter.simulated_errors(nominal), engine.problem.counted)[2]
+    simulated = mean_squares(nominal.simulated, engine.problem.counted)[2]
     assert simulated > 100.0 * engine.floor[2]
     assert engine.far_beyond() == frozenset()
     assert left < 0.1 * simulated
@@ -108,7 +139,7 @@ def test_a_fit_removes_the_background_without_calling_it_a_cause(rig: Rig, recor
     assert background is not None
     for part, amount in zip(background.terms.free, nominal.result.amounts, strict=True):
         assert part.low <= amount <= part.high
-    hysteresis = background.beside(("hysteresis",)).columns
+    hysteresis = background.beside(("hysteresis",)).slopes()
     assert not hysteresis[..., [name == "hysteresis" for name in background.effects]].any()
 
 
@@ -166,5 +197,5 @@ def test_the_play_of_a_good_spool_is_no_lag_of_the_valve(rig: Rig, record: Maker
         played[name] = wanted + half * direction
     engine = JointDiagnosis(rig, 0, [replace(recording, values=played)])
     nominal = engine.fitter.fit_nominal()
-    simulated = mean_squares(engine.fitter.simulated_errors(nominal), engine.problem.counted)
+    simulated = mean_squares(nominal.simulated, engine.problem.counted)
     assert (simulated[:2] > 2.0 * nominal.mean_square[:2]).all()

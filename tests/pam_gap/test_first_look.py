@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from pam_gap.__main__ import main
-from pam_gap.diagnose_recordings import prepared
+from pam_gap.diagnose_recordings import prepared_subject
 from pam_gap.first_look import FILE, first_look
 from pam_model.plant.compiled import HAVE_NUMBA
 from pam_model.rig import Rig, save_rig
@@ -32,7 +32,7 @@ needs_numba = pytest.mark.skipif(not HAVE_NUMBA, reason="many simulations need t
 def test_the_hidden_effect_comes_first(
     rig: Rig, record: Maker, changes: dict[str, float], stage: str
 ) -> None:
-    look = first_look(prepared(rig, 0, [record(changes)]))
+    look = first_look(prepared_subject(rig, rig.joint_names[0], [record(changes)]))
     (hidden,) = {name.split(".")[0] for name in changes}
     assert look.effects[0].effect == hidden
     assert look.effects[0].removes > 0.5
@@ -44,13 +44,15 @@ def test_the_hidden_effect_comes_first(
 @needs_numba
 def test_what_the_tolerance_explains_is_ranked_among_no_effects(rig: Rig, record: Maker) -> None:
     recording = record({"agonist.valve.sonic_conductance": 1.01 * 4.0e-9})
-    look = first_look(prepared(replace(rig, parameter_tolerance=0.02), 0, [recording]))
+    look = first_look(
+        prepared_subject(replace(rig, parameter_tolerance=0.02), rig.joint_names[0], [recording])
+    )
     assert look.effects == ()
     assert "too small to matter" in look.text()
 
 
 def test_a_recording_that_is_too_short_says_what_is_missing(rig: Rig, record: Maker) -> None:
-    look = first_look(prepared(rig, 0, [record(duration=4.0)]))
+    look = first_look(prepared_subject(rig, rig.joint_names[0], [record(duration=4.0)]))
     assert look.missing
     assert look.effects == ()
     assert look.missing[0] in look.text()

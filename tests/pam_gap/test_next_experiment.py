@@ -146,7 +146,7 @@ def test_what_a_refit_takes_away_does_not_count(fitter: HypothesisFitter) -> Non
     moved = payload.result.values.copy()
     moved[at] *= 1.02
     other = fitter.fit(payload.members, moved, max_iterations=0)
-    other.result.jacobian = payload.result.jacobian
+    other.result.columns, other.result.reused = payload.result.columns, payload.result.reused
     alone = ExperimentPlanner(fitter, [payload, other]).separation(MENU["turned_over"])
     rival = ExperimentPlanner(fitter, [payload, *fitted(fitter, "bladder_elasticity")])
     assert alone.smallest < 0.2 * rival.separation(MENU["turned_over"]).smallest

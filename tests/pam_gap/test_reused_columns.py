@@ -87,3 +87,20 @@ def test_running_equations_are_those_of_all_columns_at_once() -> None:
     own_hessian, own_slope = running.equations(errors, weights)
     np.testing.assert_allclose(own_hessian, hessian, rtol=1e-12)
     np.testing.assert_allclose(own_slope, slope, rtol=1e-12)
+
+
+def test_results_share_the_columns_that_they_reuse() -> None:
+    """A search keeps hundreds of results that reuse the columns of one."""
+    alone, _ = run()
+    reused = alone.jacobian[..., :NOMINAL]
+    one, other = run(cached=reused)[0], run(cached=reused)[0]
+    assert one.reused is reused
+    assert other.reused is reused
+    assert one.columns.shape[-1] == len(FREE) - NOMINAL
+    np.testing.assert_array_equal(one.jacobian[..., :NOMINAL], reused)
+
+
+def test_a_result_does_not_keep_the_other_lanes_that_were_simulated_with_it() -> None:
+    """Many results are kept, and a batch is a hundred times as large as one of them."""
+    result, _ = run()
+    assert result.errors.base is None

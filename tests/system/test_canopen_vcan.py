@@ -21,8 +21,8 @@ import pytest
 import yaml
 
 from pam_driver.boards.canopen.dictionary import profile_path
-from pam_driver.safety.command_intake import NamedCommand
 from pam_driver.safety.states import SafetyState
+from pam_driver.safety.valve_command_intake import NamedCommand
 from support.canopen_device import ELBOW_CANOPEN
 from support.kernel_chain import KernelChain, receivers, wait_for_receiver
 from support.reruns import EMULATED

@@ -23,8 +23,8 @@ import pytest
 from pam_driver.boards.pam_board.codec import BoardState
 from pam_driver.can_bus.bus import BusState
 from pam_driver.driver_settings import DriverSettings
-from pam_driver.safety.command_intake import NamedCommand
 from pam_driver.safety.states import SafetyState
+from pam_driver.safety.valve_command_intake import NamedCommand
 from support.kernel_chain import PERIOD, KernelChain, receivers, wait_for_receiver
 from support.reruns import EMULATED
 

@@ -21,7 +21,6 @@ import time
 import traceback
 from contextlib import redirect_stdout
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Self
 
 from pam_check.programs import DIAGNOSE_CASES
@@ -58,12 +57,7 @@ class DiagnosingProcess:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.end()
         self._errors.close()
 

@@ -41,6 +41,11 @@ def _declare_rough_control(parser: Parser) -> None:
         "--no-adaptation", action="store_true", help="do not let the controller adapt itself"
     )
     parser.add_argument(
+        "--compare-unadapted",
+        action="store_true",
+        help="play each motion without adaptation as well, and count where what was learnt harms",
+    )
+    parser.add_argument(
         "--plays",
         type=count(1),
         default=2,
@@ -225,10 +230,10 @@ COMMANDS = (
         "hide each effect from the controller and compare its error with a PID tuned on that rig",
         _declare_rough_control,
         _rough_control,
-        bad_news="if an error is above 1.1 times the PID's, a joint is in a limit cycle or a valve "
-        "is at its end",
+        bad_news="if an error is above 1.1 times the PID's or above that without adaptation, a "
+        "joint is in a limit cycle or a valve is at its end",
         examples=(
-            "pam check rough-control --tries 0",
+            "pam check rough-control --tries 0 --compare-unadapted",
             "pam check rough-control --effects hysteresis payload",
         ),
     ),

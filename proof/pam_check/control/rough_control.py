@@ -41,6 +41,8 @@ from pam_model.rig import Rig, load_rig
 NOTHING: Final = "nothing"
 WORST_RATIO: Final = 1.1  # of the controller's error to that of the tuned PID
 MOST_CLIPPED: Final = 0.05  # of the arm's motion
+NO_HARM: Final = (1.05, 1e-4)
+"""Times the error without adaptation, or above it [rad], which is no harm: the larger one."""
 
 
 @dataclass(slots=True)
@@ -59,6 +61,9 @@ class RoughResult:
         The tuned PID; None without its search.
     seconds : float
         Processor time of a run of the controller [s].
+    unadapted : tuple of PlayedRun
+        The controller without adaptation at the first and at the last time, in the same noise;
+        empty if it was not compared.
     """
 
     effect: str
@@ -67,6 +72,7 @@ class RoughResult:
     first: PlayedRun
     pid: PlayedRun | None = None
     seconds: float = 0.0
+    unadapted: tuple[PlayedRun, ...] = ()
 
     @property
     def ratio(self) -> float:
@@ -78,10 +84,24 @@ class RoughResult:
         """The same at the first time."""
         return math.nan if self.pid is None else self.first.rms / self.pid.rms
 
+    def harm(self) -> list[str]:
+        """Where what was learnt makes the error larger than it is without adaptation."""
+        found = []
+        for turn, mine, plain in zip(
+            ("first", "last"), (self.first, self.controller), self.unadapted, strict=False
+        ):
+            factor, more = NO_HARM
+            if mine.rms > max(factor * plain.rms, plain.rms + more):
+                found.append(
+                    f"{self.effect}, {self.motion}: {1e3 * mine.rms:.2f} mrad the {turn} time, "
+                    f"{1e3 * plain.rms:.2f} mrad without adaptation"
+                )
+        return found
+
     def problems(self) -> list[str]:
         """What is not as it should be."""
         what = f"{self.effect}, {self.motion}"
-        found = []
+        found = self.harm()
         if self.ratio > WORST_RATIO and self.effect != NOTHING:
             found.append(f"{what}: {self.ratio:.2f} times the error of the tuned PID")
         for played in {id(each): each for each in (self.first, self.controller)}.values():
@@ -148,6 +168,8 @@ class RoughControl:
         Whether the PID's pressure loops are tuned as well.
     plays : int, optional
         How often the controller plays each motion; it keeps what it learns meanwhile.
+    compares : bool, optional
+        Whether the controller without adaptation plays each motion as well.
     """
 
     def __init__(
@@ -157,12 +179,15 @@ class RoughControl:
         seed: int,
         pressure_loops: bool = False,
         plays: int = 1,
+        compares: bool = False,
     ) -> None:
         self._plays = plays
         self.rig, self._seed, self._pressure_loops = rig, seed, pressure_loops
         self.designs = KeptDesigns(user_cache_folder())
         self._true = true_rig(rig)
         self.controller = Controller(rig, settings, self.designs)
+        plain = settings.replace(adaptation=False)
+        self._unadapted = Controller(rig, plain, self.designs) if compares else None
         self.motions: Motions = {
             name: make(np.random.default_rng([seed, index]))
             for index, (name, make) in enumerate(MOTIONS.items())
@@ -185,7 +210,13 @@ class RoughControl:
                 for index in range(self._plays)
             ]
             seconds = (time.process_time() - start) / self._plays
-            results.append(RoughResult(effect, name, played[-1], played[0], None, seconds))
+            plain = ()
+            if self._unadapted is not None:
+                plain = tuple(
+                    play(self._unadapted, joint, muscles, points, self._seed + index)[0]
+                    for index in (0, self._plays - 1)
+                )
+            results.append(RoughResult(effect, name, played[-1], played[0], None, seconds, plain))
         if baselines is None:
             return results
         bench, tuned = self.tuned_pid(joint, muscles, baselines, tries)
@@ -232,6 +263,8 @@ def _row(result: RoughResult) -> str:
         f"{100.0 * mine.clipped:6.1f} {1e3 * mine.limit_cycle:8.2f}",
         f"{'yes' if mine.cycles else 'no':>4s} {mine.activity:7.1f}",
     ]
+    if result.unadapted:
+        cells.append(" ".join(f"{1e3 * plain.rms:8.2f}" for plain in result.unadapted))
     told = result.first.swings or mine.swings
     notes = [
         f"stopped: {mine.stopped}" if mine.stopped else "",
@@ -245,6 +278,7 @@ HEADER: Final = (
     f"{'hidden':20s} {'motion':6s} {'first':>8s} {'last':>8s} {'PID':>8s} {'ratio':>6s} "
     f"{'clip %':>6s} {'rest':>8s} cycle  spool/s"
 )
+UNADAPTED: Final = "  first and last time without adaptation"
 
 
 def chosen_effects(names: Sequence[str] | None) -> list[str]:
@@ -277,6 +311,9 @@ def summary(results: Sequence[RoughResult]) -> str:
     judged = [each for each in results if each.effect != NOTHING and each.pid is not None]
     cycles = {result.effect for result in results if result.controller.cycles}
     text = f"{len(cycles)} effects with a limit cycle"
+    if any(result.unadapted for result in results):
+        harmed = {result.effect for result in results if result.harm()}
+        text += f"; {len(harmed)} worse than without adaptation"
     if not judged:
         return text
     return (
@@ -297,10 +334,13 @@ def run(given: Arguments) -> Outcome:
     effects = chosen_effects(given.effects)
     settings = TOLD.replace(observer=given.observer, adaptation=not given.no_adaptation)
     rig = load_rig(chosen_rig(given))
-    rough = RoughControl(rig, settings, given.seed, given.tune_pressure_loops, given.plays)
+    compares = given.compare_unadapted
+    rough = RoughControl(
+        rig, settings, given.seed, given.tune_pressure_loops, given.plays, compares
+    )
     baselines = Baselines(given.tuned) if given.tries else None
     results: list[RoughResult] = []
-    print(HEADER)
+    print(HEADER + (UNADAPTED if compares else ""))
     with progress(len(effects), "effects") as bar:
         for done, effect in enumerate(effects, start=1):
             for result in rough.run(effect, baselines, given.tries):

@@ -18,9 +18,9 @@ from pam_demo.chain import BusChoice, multicast_bus
 from pam_driver.can_bus.bus import open_bus
 from pam_driver.driver import ActivationError, Driver
 from pam_driver.driver_settings import DriverSettings
-from pam_driver.safety.command_intake import NamedCommand
 from pam_driver.safety.refusals import COMMANDABLE
 from pam_driver.safety.states import SafetyState
+from pam_driver.safety.valve_command_intake import NamedCommand
 from pam_driver.snapshot import Snapshot
 from pam_model.command_line import Arguments, Outcome, chosen_rig, progress
 from pam_model.errors import PamError

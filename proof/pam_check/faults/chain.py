@@ -24,9 +24,9 @@ from pam_control.controller import Controller
 from pam_driver.can_bus.bus import CanPort
 from pam_driver.driver import Driver
 from pam_driver.driver_settings import DriverSettings
-from pam_driver.safety.command_intake import CommandRefusedError, NamedCommand
 from pam_driver.safety.pressure_plausibility import PressurePlausibility
 from pam_driver.safety.states import SafetyState
+from pam_driver.safety.valve_command_intake import CommandRefusedError, NamedCommand
 from pam_driver.snapshot import Snapshot
 from pam_driver.start_up import StartUp
 from pam_model.errors import PamError
@@ -319,7 +319,7 @@ class FaultChain:
             return
         if self._tick % STATE_STEPS == 1:
             reduced = self.driver.people.reduced_speed(self.now)
-            self.controller.reduce_speed(reduced and self.obeys_speed, self.now)
+            self.controller.limits.reduce_speed(reduced and self.obeys_speed, self.now)
         references = self.controller.references
         if self.controller.active and self.motion is not None:
             angle, speed = self.motion(self.now)

@@ -15,7 +15,7 @@ import can
 from pam_check.faults.chain import STEP, FaultChain
 from pam_check.faults.virtual_can import BUS_OFF, CONTROLLER, RESTARTED
 from pam_control.controller_parameters import parameter_table, settings_from
-from pam_driver.safety.command_intake import NamedCommand
+from pam_driver.safety.valve_command_intake import NamedCommand
 from pam_model.errors import PamError
 from pam_ros.errors import ParameterError
 from pam_ros.valve_command import FLOW

@@ -31,9 +31,13 @@ from pam_driver.boards.pam_board.codec import (
 from pam_driver.can_bus.bus import BusState, ReceivedFrame, SendOutcome
 from pam_driver.driver import ActivationError, Driver
 from pam_driver.driver_settings import DriverSettings
-from pam_driver.safety.command_intake import CommandRefusedError, NamedCommand, ValveCommandIntake
 from pam_driver.safety.pressure_plausibility import PressurePlausibility
 from pam_driver.safety.states import OUTPUTS, SafetyState
+from pam_driver.safety.valve_command_intake import (
+    CommandRefusedError,
+    NamedCommand,
+    ValveCommandIntake,
+)
 from pam_model.rig import Rig, load_rig
 from pam_model.robot import compose
 

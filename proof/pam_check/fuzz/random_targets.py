@@ -26,9 +26,9 @@ from pam_driver.boards.pam_board.messages import BoardMessage
 from pam_driver.can_bus.bus import BusState, ReceivedFrame, SendOutcome
 from pam_driver.driver import Driver
 from pam_driver.driver_settings import DriverSettings
-from pam_driver.safety.command_intake import NamedCommand, ValveCommandIntake
 from pam_driver.safety.pressure_plausibility import PressurePlausibility
 from pam_driver.safety.states import SafetyState
+from pam_driver.safety.valve_command_intake import NamedCommand, ValveCommandIntake
 from pam_model.errors import PamError
 from pam_model.rig import Rig
 from pam_model.robot import compose

@@ -34,8 +34,8 @@ from pam_driver.boards.wiring import RigWiring, kind_name
 from pam_driver.can_bus.bus import BusState, ReceivedFrame, SendOutcome
 from pam_driver.driver import ActivationError, Driver
 from pam_driver.driver_settings import DriverSettings
-from pam_driver.safety.command_intake import CommandRefusedError, NamedCommand
 from pam_driver.safety.states import OUTPUTS, SafetyState
+from pam_driver.safety.valve_command_intake import CommandRefusedError, NamedCommand
 from pam_driver.snapshot import Snapshot
 from pam_driver.start_up import Advice, StartUp
 from pam_model.errors import PamError

@@ -191,7 +191,7 @@ class CommandIntake:
 
     def stiffness(self, values: Sequence[float]) -> None:
         """Take a stiffness for each joint [N m/rad]."""
-        self._controller.foresee_stiffness(values)
+        self._controller.limits.foresee(values)
         with self.rejecting("stiffness_commands"), self._lock:
             self._require_active("stiffness command", moves=False)
             self._controller.set_stiffness(values)

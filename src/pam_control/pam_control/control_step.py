@@ -71,6 +71,17 @@ class Moment(NamedTuple):
     time: float
     reference: JointReference
 
+    @classmethod
+    def at(cls, row: Sequence[float], place: int) -> Moment:
+        """The moment that begins at a place of a row: the time, then the reference."""
+        return cls(row[place], JointReference(*row[place + 1 : place + 4]))
+
+    @property
+    def row(self) -> tuple[float, ...]:
+        """As in a row."""
+        at = self.reference
+        return self.time, at.position, at.velocity, at.acceleration
+
 
 @dataclass(slots=True)
 class PlanRequest:
@@ -226,6 +237,9 @@ class JointTelemetry(NamedTuple):
         Number of muscles that were found to be behind a tube.
     law : LawTelemetry
         What the control law says.
+    unexplained : float
+        Torque of the muscles beside that of the model at the measured motion, with that of the
+        inertia [N m]; NaN if it is not computed.
     """
 
     reference: JointReference = JointReference(math.nan)
@@ -235,6 +249,7 @@ class JointTelemetry(NamedTuple):
     clipped: tuple[str, ...] = ()
     behind_tube: int = 0
     law: LawTelemetry = LawTelemetry()
+    unexplained: float = math.nan
 
     @property
     def torque(self) -> float:

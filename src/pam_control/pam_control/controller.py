@@ -32,8 +32,8 @@ from pam_control.laws.law import AnyLaw
 from pam_control.laws.position_stiffness import PositionStiffness
 from pam_control.loop_design import LoopDesign, Loops, PreparedSettings
 from pam_control.loop_guard import GuardAction, LoopGuard, Means
-from pam_control.lowering import LoweringPhase, ReferenceLowering
 from pam_control.reference_limits import ReferenceLimits
+from pam_control.reference_lowering import LoweringPhase, ReferenceLowering
 from pam_control.references.reference_generator import ReferenceGenerator
 from pam_control.references.trajectory import CommandError
 from pam_control.settings import ControlSettings
@@ -69,8 +69,8 @@ class Controller:
         The joints, with their models and the telemetry of the last cycle.
     settings : ControlSettings
         In force; no gain is missing.
-    references : ReferenceGenerator
-        Of all joints.
+    limits : ReferenceLimits
+        The stiffness that is commanded and the speed that is permitted.
     guard : LoopGuard
         Why soft gains are used, and why the controller has stopped.
     active : bool
@@ -102,7 +102,7 @@ class Controller:
         self.settings = self.prepared.normal.settings
         self.reservoir = SupplyReservoir(self.robot)
         stiffnesses = self._default_stiffness(settings)
-        self._limits = ReferenceLimits(rig, self.robot, self._models, stiffnesses)
+        self.limits = ReferenceLimits(rig, self.robot, self._models, stiffnesses)
         setups = joint_setups(self._models, self.prepared, self.prepared.normal)
         self._cycle = ControlCycle(self._models, self.reservoir, law, setups, self.references)
         self.channels = self._cycle.channels
@@ -155,7 +155,7 @@ class Controller:
         law = law or self.law
         if type(law) is not type(self.law):
             raise PamError(f"law = {law.name!r}: can only be changed by a restart")
-        self.foresee_stiffness(self._default_stiffness(settings))
+        self.limits.foresee(self._default_stiffness(settings))
         return self._design(law).changed(settings, self.prepared)
 
     def change(self, settings: ControlSettings, law: AnyLaw | None = None) -> None:
@@ -174,7 +174,7 @@ class Controller:
         self.prepared = prepared
         after = self._default_stiffness(prepared.asked)
         if after != before and self.stiffness_commands == before:  # none was commanded
-            self._limits.use(after)
+            self.limits.use(after)
         self._apply(self._loops())
 
     @property
@@ -236,7 +236,7 @@ class Controller:
     @property
     def references(self) -> ReferenceGenerator:
         """Of all joints."""
-        return self._limits.references
+        return self.limits.references
 
     @property
     def measured(self) -> dict[str, float]:
@@ -251,7 +251,7 @@ class Controller:
     @property
     def stiffness_commands(self) -> list[float]:
         """Commanded stiffness of every joint [N m/rad]."""
-        return self._limits.stiffnesses
+        return self.limits.stiffnesses
 
     def set_stiffness(self, values: Sequence[float]) -> None:
         """Set the commanded stiffness of every joint [N m/rad].
@@ -261,7 +261,7 @@ class Controller:
         CommandError
             For a wrong size, or a value that is not finite or not above 0; nothing is changed.
         """
-        self._limits.command(values)
+        self.limits.command(values)
 
     def set_torques(self, values: Sequence[float], now: float) -> None:
         """Set the torque of every joint [N m]; only the law `torque` takes them.
@@ -281,14 +281,6 @@ class Controller:
         if not self.law.takes_torques:
             raise CommandError("torque command rejected: only law torque takes torques")
         self._torques.command(values, now)
-
-    def foresees(self, values: Sequence[float]) -> bool:
-        """Whether the limits for these stiffnesses [N m/rad] are known already."""
-        return self._limits.foresees(values)
-
-    def foresee_stiffness(self, values: Sequence[float]) -> None:
-        """Compute limits for stiffnesses [N m/rad] that will be commanded; needs no lock."""
-        self._limits.foresee(values)
 
     def stiffness_range(self, index: int) -> Pair:
         """Least and greatest stiffness [N m/rad] of joint `index` at its present reference."""
@@ -312,7 +304,7 @@ class Controller:
         self.guard.clear()
         if changed:
             self._apply(self.prepared.normal)
-        self._limits.use(self._default_stiffness(self.settings))
+        self.limits.use(self._default_stiffness(self.settings))
 
     def stop(self, now: float) -> None:
         """Brake all joints within their limits and hold them (stop category 2).
@@ -348,26 +340,9 @@ class Controller:
         self.active = False
         self.lowering.cancel()
 
-    def reduce_speed(self, reduced: bool, now: float) -> None:
-        """Keep the joints' `reduced_velocity`, or no longer; see `ReferenceLimits`.
-
-        Parameters
-        ----------
-        reduced : bool
-            Whether full speed is not permitted.
-        now : float
-            Present time [s].
-        """
-        self._limits.reduce_speed(reduced, now)
-
-    @property
-    def reduced_speed(self) -> bool:
-        """Whether full speed is not permitted."""
-        return self._limits.reduced
-
     def reason_against_references(self) -> str:
         """Why no references are taken now; empty if they are."""
-        if self._limits.braking:
+        if self.limits.braking:
             return "the joints brake, because another speed is permitted now"
         if self.lowering.phase is not LoweringPhase.OFF:
             return "the joints are being lowered"
@@ -420,7 +395,7 @@ class Controller:
         self._time = time
         self._look_ahead(step, self._cycle.begin())
         self.references.advance(time)
-        self._limits.advance()
+        self.limits.advance()
         self.reservoir.advance(step)
         commands = self._cycle.commands(
             time,

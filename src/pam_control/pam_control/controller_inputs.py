@@ -10,7 +10,7 @@ import math
 import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager
-from typing import Any
+from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from sensor_msgs.msg import JointState
@@ -22,15 +22,15 @@ from pam_ros.message_sources import MessageSources
 from pam_ros.polled_topic import PolledTopic
 
 
-class ControllerInputs:
-    """The subscriptions that the control loop polls.
+class NodeSide(NamedTuple):
+    """What a link to the driver needs of the controller's node.
 
-    Parameters
+    Attributes
     ----------
     node : rclpy.node.Node
-        Makes the subscriptions.
+        Makes subscriptions, publishers and clients.
     rig : Rig
-        Gives the order of the values.
+        Gives the names and their order in every message.
     clock : callable
         Present time on the controller's time axis [s].
     rejecting : callable
@@ -39,6 +39,23 @@ class ControllerInputs:
         Called with each message about the driver's state.
     lose_driver_state : callable
         Called when so many of them arrived at once that some were lost.
+    """
+
+    node: Any
+    rig: Rig
+    clock: Callable[[], float]
+    rejecting: Callable[[str], AbstractContextManager[None]]
+    take_driver_state: Callable[[Any], object]
+    lose_driver_state: Callable[[], object]
+
+
+class ControllerInputs:
+    """The subscriptions that the control loop polls.
+
+    Parameters
+    ----------
+    side : NodeSide
+        Of the controller.
 
     Attributes
     ----------
@@ -51,35 +68,26 @@ class ControllerInputs:
         The subscriptions.
     """
 
-    def __init__(
-        self,
-        node: Any,
-        rig: Rig,
-        clock: Callable[[], float],
-        rejecting: Callable[[str], AbstractContextManager[None]],
-        take_driver_state: Callable[[Any], object],
-        lose_driver_state: Callable[[], object],
-    ) -> None:
+    def __init__(self, side: NodeSide) -> None:
         self.positions: list[float] = []
         self.pressures: list[float] = []
         self.position_time = self.pressure_time = -math.inf
-        self._joints, self._muscles = rig.joint_names, rig.muscle_names
-        self._clock = clock
-        self._rejecting = rejecting
+        self._joints, self._muscles = side.rig.joint_names, side.rig.muscle_names
+        self._clock, self._rejecting = side.clock, side.rejecting
         self._sources = {"joint_states": MessageSources(), "pressure_states": MessageSources()}
         on_joints, on_pressures = self._on_joint_states, self._on_pressure_states
-        self._pressure_topic = _measurements(node, "pressure_states", on_pressures)
-        self._position_topic = _measurements(node, "joint_states", on_joints)
+        self._pressure_topic = _measurements(side.node, "pressure_states", on_pressures)
+        self._position_topic = _measurements(side.node, "joint_states", on_joints)
         self.topics = [
             self._position_topic,
             self._pressure_topic,
             PolledTopic(
-                node,
+                side.node,
                 DiagnosticStatus,
                 "pam_driver/state",
-                take_driver_state,
+                side.take_driver_state,
                 latched=True,
-                overflow=lose_driver_state,
+                overflow=side.lose_driver_state,
             ),
         ]
 

@@ -33,6 +33,7 @@ from pam_control.command_intake import CommandIntake
 from pam_control.control_step import JointTelemetry, Measurement
 from pam_control.controller_health import ControllerHealth
 from pam_control.controller_help import HELP
+from pam_control.controller_inputs import NodeSide
 from pam_control.controller_parameters import (
     COMMAND_DELAY,
     create_controller,
@@ -188,13 +189,9 @@ class ControllerNode(Node):  # type: ignore[misc]
         self.steady_timers.add(1.0, self._report)
         self._stiffness_excitation = StiffnessExcitation(self._controller.references)
         self.steady_timers.add(TEST_EVERY, self._test_stiffness)
+        driver = self._driver
         self._link = make_link(
-            self,
-            self.rig,
-            self._now,
-            self.intake.rejecting,
-            self._driver.take,
-            self._driver.lose,
+            NodeSide(self, self.rig, self._now, self.intake.rejecting, driver.take, driver.lose)
         )
         self.polled_topics = self._link.polled_topics
         self._measurement = Measurement((), (), -math.inf, -math.inf)

@@ -60,7 +60,7 @@ class DriverFollower:
         """
         with self._lock:
             if self._controller.rig.people.full_speed_topic:
-                self._controller.reduce_speed(not permits_full_speed(message), self._clock())
+                self._controller.limits.reduce_speed(not permits_full_speed(message), self._clock())
             self.reason = reason_against_commands(message)
             self.said = self.reason or "takes commands"
             before, self._activation = self._activation, activation_of(message)

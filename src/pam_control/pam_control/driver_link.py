@@ -7,14 +7,12 @@ driver and controller in one cycle gives the node a link of its own.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager
-from typing import Any, Protocol
+from typing import Protocol
 
 from std_srvs.srv import Trigger
 
 from pam_control.control_step import Measurement
-from pam_control.controller_inputs import ControllerInputs
-from pam_model.rig import Rig
+from pam_control.controller_inputs import ControllerInputs, NodeSide
 from pam_ros.joint_state_publisher import JointStatePublisher
 from pam_ros.message_sources import source_of
 from pam_ros.polled_topic import PolledTopic
@@ -45,18 +43,7 @@ class DriverLink(Protocol):
         """Ask the driver to vent; never waits for it."""
 
 
-MakeLink = Callable[
-    [
-        Any,
-        Rig,
-        Callable[[], float],
-        Callable[[str], AbstractContextManager[None]],
-        Callable[[Any], object],
-        Callable[[], object],
-    ],
-    DriverLink,
-]
-"""Makes a link; the parameters are those of `TopicLink`."""
+MakeLink = Callable[[NodeSide], DriverLink]
 
 
 class TopicLink:
@@ -64,26 +51,13 @@ class TopicLink:
 
     Parameters
     ----------
-    node : rclpy.node.Node
-        Makes subscriptions, publisher and client.
-    rig : Rig
-        Gives the names and their order in every message.
-    clock, rejecting, take_driver_state, lose_driver_state
-        As for `ControllerInputs`.
+    side : NodeSide
+        Of the controller.
     """
 
-    def __init__(
-        self,
-        node: Any,
-        rig: Rig,
-        clock: Callable[[], float],
-        rejecting: Callable[[str], AbstractContextManager[None]],
-        take_driver_state: Callable[[Any], object],
-        lose_driver_state: Callable[[], object],
-    ) -> None:
-        self._inputs = ControllerInputs(
-            node, rig, clock, rejecting, take_driver_state, lose_driver_state
-        )
+    def __init__(self, side: NodeSide) -> None:
+        node, rig = side.node, side.rig
+        self._inputs = ControllerInputs(side)
         self.polled_topics = self._inputs.topics
         self._muscles = rig.muscle_names
         self._format = ValveCommandFormat(rig.valve_kinds)

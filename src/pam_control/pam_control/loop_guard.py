@@ -11,8 +11,9 @@ because the safe gains leave larger errors of friction and load: the gains are l
 again while the swings go on; if they have grown to twice the first ones, the safe gains are used,
 and a joint that swings with these as widely as at first is stopped. A delay makes a loop swing at
 its crossover frequency or above. What is slower and does not stick comes from outside, and lower
-gains would yield more to it. So would a joint that sticks in motion: with softer feedback it stands
-longer and jumps farther. At rest it is the integral that makes it jump.
+gains would yield more to it. So would a joint that sticks or rubs in motion: with softer feedback
+it stands longer and jumps farther. At rest it is the integral that makes it jump. Where it rubs
+and does not stick, friction and a delay cannot be told apart while it moves, and both are told.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from enum import Enum
 from typing import NamedTuple
 
 from pam_control.control_step import JointTelemetry
-from pam_control.feedback.loop_watch import OscillationWatch, TrackingWatch
+from pam_control.feedback.motion_watch import OscillationWatch, TrackingWatch
 from pam_control.feedback.swing_watch import Reversals, Swings, SwingWatch
 from pam_model.robot import RobotJoint
 
@@ -44,6 +45,19 @@ class GuardAction(Enum):
     LOWER = "lower"
     SOFTEN = "soften"
     STOP = "stop"
+
+
+class Cause(Enum):
+    """Why a joint swings."""
+
+    TUBE = "a tube between valve and muscle"
+    STICKING = "dry friction that sticks, with the integral of the feedback"
+    RUBBING = "dry friction or hysteresis, which takes much of the torque; or a delay as well"
+    OUTSIDE = "an outside torque that swings: the loop itself could not swing so slowly"
+    DELAY = "a delay that the rig file does not name"
+
+
+FRICTION = {Cause.STICKING, Cause.RUBBING}
 
 
 class Means(NamedTuple):
@@ -183,6 +197,10 @@ class LoopGuard:
                 wild = oscillation.too_fast(speed)
             if not wild or time < self._pause_until:
                 continue
+            cycle = self._swinging[index].last_cycle()
+            if cycle is not None:
+                cause = _cause(cycle, joint.behind_tube, means.crossovers[index])
+                wild += f"; likely cause: {cause.value}"
             if self.softened or not means.can_soften:
                 even = ", even with soft gains" if means.can_soften else ""
                 self.stopped = f"{name}: {wild}{even}"
@@ -212,13 +230,14 @@ class LoopGuard:
         ):
             if joint.law.yields or joint.law.driven:  # others move it
                 continue
-            seen = watch.update(time, joint.error, joint.motion.position, changes, rests)
+            seen = watch.update(
+                time, joint.error, joint.motion.position, changes, rests, joint.unexplained
+            )
             fades = time < max(self._pause_until, self._swings_fade_until)
             if seen is not None and not fades and verdict is GuardAction.NOTHING:
-                slow = 2.0 * math.pi * seen.frequency < SLOW * crossover
-                outside = slow and not seen.sticks and not joint.behind_tube
-                told = f"{name}: {_told(seen, joint.behind_tube, outside)}"
-                if outside or (seen.sticks and not seen.rests and not joint.behind_tube):
+                cause = _cause(seen, joint.behind_tube, crossover)
+                told = f"{name}: {_told(seen, cause)}"
+                if cause is Cause.OUTSIDE or (cause in FRICTION and not seen.rests):
                     self.swings = self.swings or told
                 else:
                     verdict = self._answer(told, seen, means)
@@ -249,18 +268,23 @@ class LoopGuard:
         return GuardAction.SOFTEN
 
 
-def _told(seen: Swings, behind_tube: int, outside: bool) -> str:
-    """What is told of swings that were seen."""
+def _cause(seen: Swings, behind_tube: int, crossover: float) -> Cause:
+    """The likely cause of swings, in a loop with this crossover frequency [rad/s]."""
     if behind_tube:
-        cause = "a tube between valve and muscle"
-    elif seen.sticks:
-        cause = "dry friction that sticks, with the integral of the feedback"
-    elif outside:
-        cause = "an outside torque that swings: the loop itself could not swing so slowly"
-    else:
-        cause = "a delay that the rig file does not name"
+        return Cause.TUBE
+    if seen.sticks:
+        return Cause.STICKING
+    if seen.rubs:
+        return Cause.RUBBING
+    if 2.0 * math.pi * seen.frequency < SLOW * crossover:
+        return Cause.OUTSIDE
+    return Cause.DELAY
+
+
+def _told(seen: Swings, cause: Cause) -> str:
+    """What is told of swings that were seen."""
     where = "at rest" if seen.rests else "in motion"
     return (
         f"the joint swings {where} by {1e3 * seen.size:.1f} mrad at {seen.frequency:.2g} Hz; "
-        f"likely cause: {cause}"
+        f"likely cause: {cause.value}"
     )

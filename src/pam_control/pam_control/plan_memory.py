@@ -14,7 +14,14 @@ from typing import Any, Final
 
 import numpy as np
 
-from pam_control.rows.plan_rows import N_PLANNED, P_A, P_B, P_KNOWN, P_MEMORY, P_STIFFNESS, P_TIME
+from pam_control.rows.plan_rows import (
+    P_KNOWN,
+    P_MEASURED,
+    P_MEMORY,
+    P_PRESSURES,
+    P_STIFFNESS,
+    P_TIME,
+)
 from pam_model.plant.compiled import for_kernel
 
 # Plans are kept until they are this much older than the last measurement [s]: a rate is computed
@@ -41,8 +48,8 @@ def forget_before(ring: Any, ends: Any, oldest: float, kept: int) -> None:
 
 
 def remember(
-    plans: Any, ends: Any, measured_at: float, time: float, a: float, b: float, stiffness: float,
-    memory: float, known: float,
+    plans: Any, ends: Any, measured_at: float, time: float, muscles: Any, pressure: int,
+    stiffness: float, memory: float, known: float,
 ) -> None:  # fmt: skip
     """Add a plan, and forget those too much older than the last measurement [s].
 
@@ -54,8 +61,8 @@ def remember(
         [s].
     time : float
         When the later valve acts [s].
-    a, b : float
-        Gauge pressures of agonist and antagonist [Pa].
+    muscles, pressure : rows, int
+        Of the muscles of the joint, and where their pressures are [Pa gauge].
     stiffness : float
         [N m/rad].
     memory, known : float
@@ -66,8 +73,9 @@ def remember(
         forget_before(plans, ends, measured_at - KEPT_BEFORE_MEASUREMENT, 1)
     ends[1] += 1
     row = plans[newest(plans, ends)]
-    row[P_TIME], row[P_A], row[P_B] = time, a, b
-    row[P_STIFFNESS], row[P_MEMORY], row[P_KNOWN] = stiffness, memory, known
+    row[P_TIME], row[P_STIFFNESS], row[P_MEMORY], row[P_KNOWN] = time, stiffness, memory, known
+    for k in range(len(muscles)):
+        row[P_PRESSURES + k] = muscles[k][pressure]
 
 
 def value_at(ring: Any, ends: Any, time: float, field: int, before: float) -> float:
@@ -125,7 +133,7 @@ def shown_pressure(
     lag, step : float
         Of the sensors, and since the last cycle [s].
     field : int
-        `P_A` or `P_B`.
+        Of the pressure.
     """
     if lag == 0.0:
         return planned_at(plans, ends, time, field)
@@ -133,8 +141,8 @@ def shown_pressure(
     return float(shown + step / (lag + step) * (ahead - shown))
 
 
-def measure(samples: Any, ends: Any, time: float, a: float, b: float, kept: float) -> None:
-    """Add measured pressures [Pa] and keep them for a while [s].
+def measure(samples: Any, ends: Any, time: float, muscles: Any, pressure: int, kept: float) -> None:
+    """Add measured pressures of muscles, as for `remember`, and keep them for a while [s].
 
     A time [s] that is not later than the last is ignored.
     """
@@ -142,7 +150,9 @@ def measure(samples: Any, ends: Any, time: float, a: float, b: float, kept: floa
         return
     ends[1] += 1
     row = samples[newest(samples, ends)]
-    row[P_TIME], row[P_A], row[P_B] = time, a, b
+    row[P_TIME] = time
+    for k in range(len(muscles)):
+        row[P_MEASURED + k] = muscles[k][pressure]
     forget_before(samples, ends, time - kept, 2)
 
 
@@ -185,8 +195,3 @@ class Rings:
         ends[:, 0] = 0
         self.rows = for_kernel(np.concatenate((old, np.zeros_like(old)), axis=1))
         self.ends = for_kernel(ends)
-
-
-def new_plans(joints: int) -> Rings:
-    """No plans yet."""
-    return Rings(joints, N_PLANNED)

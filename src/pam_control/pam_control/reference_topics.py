@@ -108,14 +108,14 @@ class ReferenceTopics:
     def on_stiffness(self, message: Any) -> None:
         """Take it at once, unless limits of motion for this stiffness have to be computed."""
         values = list(message.data)
-        if not self._foreseeing.busy and self._controller.foresees(values):
+        if not self._foreseeing.busy and self._controller.limits.foresees(values):
             self._intake.stiffness(values)
             return
         with self._intake.rejecting("stiffness_commands"):
             if self._foreseeing.full:
                 raise CommandError("stiffness command rejected: too many others wait")
             self._foreseeing.submit(
-                lambda: self._controller.foresee_stiffness(values),
+                lambda: self._controller.limits.foresee(values),
                 lambda _: self._intake.stiffness(values),
             )
 

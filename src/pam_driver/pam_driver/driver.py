@@ -19,7 +19,6 @@ from pam_driver.boards.wiring import RigWiring
 from pam_driver.driver_settings import DriverSettings
 from pam_driver.fault_judge import CommandedMotion, FaultJudge, PlausibilityCheck, Readings
 from pam_driver.joint_velocity import JointVelocity
-from pam_driver.safety.command_intake import NamedCommand, ValveCommandIntake
 from pam_driver.safety.exhaust_watch import ExhaustWatch, exhaust_timeout
 from pam_driver.safety.loop_watch import LoopWatch
 from pam_driver.safety.lowering import LoweringSetpoints
@@ -28,6 +27,7 @@ from pam_driver.safety.refusals import COMMANDABLE, against_activation, against_
 from pam_driver.safety.start_up_check import StartUpCheck
 from pam_driver.safety.states import OUTPUTS, SafetyEvent, SafetyState, next_state
 from pam_driver.safety.stop_categories import can_lower, longest_lowering
+from pam_driver.safety.valve_command_intake import NamedCommand, ValveCommandIntake
 from pam_driver.snapshot import Snapshot, take_snapshot
 from pam_model.errors import PamError
 from pam_model.rig import Rig

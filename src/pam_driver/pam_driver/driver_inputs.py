@@ -16,7 +16,7 @@ from std_msgs.msg import Bool
 
 from pam_driver.driver import Driver
 from pam_driver.driver_parameters import PEOPLE_TOPICS
-from pam_driver.safety.command_intake import CommandRefusedError, NamedCommand
+from pam_driver.safety.valve_command_intake import CommandRefusedError, NamedCommand
 from pam_model.rig import People
 from pam_ros.joint_state_bytes import JointStateFields, JointStateReader
 from pam_ros.polled_topic import PolledTopic

@@ -37,9 +37,9 @@ from pam_driver.driver_log import DriverLog
 from pam_driver.driver_parameters import HELP, TABLE, bus_options
 from pam_driver.driver_state_topic import DriverStateTopic
 from pam_driver.driver_topics import DriverTopics
-from pam_driver.safety.command_intake import NamedCommand
 from pam_driver.safety.stalled_cycle import StalledCycleWatch
 from pam_driver.safety.states import FAULTY, SafetyState
+from pam_driver.safety.valve_command_intake import NamedCommand
 from pam_driver.snapshot import Snapshot
 from pam_driver.start_up import Advice, StartUp
 from pam_model.errors import PamError

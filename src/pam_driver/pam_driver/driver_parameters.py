@@ -10,13 +10,11 @@ from pam_driver.driver_settings import DriverSettings
 from pam_driver.safety.people_inputs import FULL_SPEED
 from pam_model.errors import PamError
 from pam_ros.node_help import Endpoint, NodeHelp
-from pam_ros.parameter_row import Parameter
+from pam_ros.parameter_row import Parameter, declared_rows
 from pam_ros.program_name import PROGRAM
 
 if TYPE_CHECKING:
     from pam_ros.parameters import NodeParameters
-
-_D = DriverSettings()
 
 TABLE: Final = (
     Parameter(
@@ -54,54 +52,10 @@ TABLE: Final = (
         "time on a shared bus, but hides other drivers"
     ),
     Parameter("bus.dbc", "", "-", 0, 0, "DBC file of the boards; empty: the one of this package"),
-    Parameter(
-        "command_timeout", _D.command_timeout, "s", 0.005, 1.0, "a valve command older than this "
-        "causes a latched vent"
-    ),
-    Parameter(
-        "sensor_timeout", _D.sensor_timeout, "s", 0.005, 1.0, "a pressure or angle older than this "
-        "counts as missing, and causes a latched vent while air may move"
-    ),
-    Parameter(
-        "board_timeout", _D.board_timeout, "s", 0.15, 5.0, "a board that sends nothing for longer "
-        "counts as lost"
-    ),
-    Parameter(
-        "over_pressure_margin", _D.over_pressure_margin, "Pa", 0.0, 100_000.0, "how far a sample "
-        "may exceed max_pressure, as an allowance for noise"
-    ),
+    *declared_rows(DriverSettings),
     Parameter(
         "plausibility", True, "-", 0, 1, "compare measurements with the rig's physics, and vent "
         "when they are implausible; the limits are in the rig file"
-    ),
-    Parameter(
-        "velocity_bandwidth", _D.velocity_bandwidth, "Hz", 1.0, 500.0, "-3 dB frequency of the "
-        "low pass for the differentiated joint angle"
-    ),
-    Parameter(
-        "vented_pressure", _D.vented_pressure, "Pa", 1e3, 200e3, "a muscle counts as empty below "
-        "this gauge pressure; the driver is vented when all muscles are"
-    ),
-    Parameter(
-        "exhaust_timeout", _D.exhaust_timeout, "s", 0.0, 600.0, "a muscle that is not empty so "
-        "long after its valve began to vent is a fault; 0: four times the ideal time from the "
-        "rig's volumes and conductances, plus one second"
-    ),
-    Parameter(
-        "loop_delay_limit", _D.loop_delay_limit, "s", 0.001, 1.0, "largest delay of commands and "
-        "measurements around the loop beyond three cycles; above it the driver vents"
-    ),
-    Parameter(
-        "lowering_speed", _D.lowering_speed, "rad/s", 0.05, 5.0, "speed with which a stop of "
-        "category 1 lets a loaded joint sink"
-    ),
-    Parameter(
-        "lowering_timeout", _D.lowering_timeout, "s", 0.0, 60.0, "a stop of category 1 that is "
-        "not finished after this time ends in a vent; 0: every stop vents at once"
-    ),
-    Parameter(
-        "start_up_check", _D.start_up_check, "-", 0, 1, "an activation first tests every valve "
-        "and sensor with small pulses of air; robot.launch.py asks for it"
     ),
     Parameter(
         "joint_states.keep_nan", False, "-", 0, 1, "joint_states names a joint without a fresh "
@@ -185,20 +139,8 @@ HELP: Final = NodeHelp(
 
 def settings_of(values: NodeParameters[Any]) -> DriverSettings:
     """The settings of the driver that works without ROS."""
-    return DriverSettings(
-        command_timeout=values.number("command_timeout"),
-        sensor_timeout=values.number("sensor_timeout"),
-        board_timeout=values.number("board_timeout"),
-        over_pressure_margin=values.number("over_pressure_margin"),
-        velocity_bandwidth=values.number("velocity_bandwidth"),
-        vented_pressure=values.number("vented_pressure"),
-        exhaust_timeout=values.number("exhaust_timeout"),
-        loop_delay_limit=values.number("loop_delay_limit"),
-        period=1.0 / values.number("rate"),
-        lowering_speed=values.number("lowering_speed"),
-        lowering_timeout=values.number("lowering_timeout"),
-        start_up_check=bool(values["start_up_check"]),
-    )
+    given: dict[str, Any] = {row.name: values[row.name] for row in declared_rows(DriverSettings)}
+    return DriverSettings(period=1.0 / values.number("rate"), **given)
 
 
 def bus_options(text: str) -> dict[str, Any]:

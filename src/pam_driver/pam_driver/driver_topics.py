@@ -10,7 +10,7 @@ from typing import Any
 from builtin_interfaces.msg import Time
 from sensor_msgs.msg import FluidPressure
 
-from pam_driver.safety.command_intake import ValveCommandIntake
+from pam_driver.safety.valve_command_intake import ValveCommandIntake
 from pam_driver.snapshot import Snapshot
 from pam_model.rig import Rig
 from pam_ros.joint_state_publisher import JointStatePublisher, nanoseconds_of

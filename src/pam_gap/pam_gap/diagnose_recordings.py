@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Final
 
 from pam_gap.answer.diagnosis import Diagnosis
 from pam_gap.answer.sentences import verdict_sentence
@@ -46,6 +48,31 @@ from pam_gap.recordings.still_channels import without_still
 from pam_gap.rules import DEFAULT, Rules
 from pam_gap.rules.recording_rules import RecordingRules
 from pam_model.rig import Rig
+
+
+@dataclass(frozen=True, slots=True)
+class DiagnosisOptions:
+    """How a diagnosis is made.
+
+    Attributes
+    ----------
+    threads : int
+        Number of simulations that run in parallel; 0 for one per processor, at most 4.
+    progress : callable
+        Called with the current task and the completed share, 0 to 1.
+    rules : Rules
+        Hand-set constants of the diagnosis.
+    with_experiment : bool
+        Whether the next experiment is sought; for a muscle on a bench, none is.
+    """
+
+    threads: int = 0
+    progress: Progress = silent
+    rules: Rules = DEFAULT
+    with_experiment: bool = True
+
+
+USUAL: Final = DiagnosisOptions()
 
 
 def diagnose(
@@ -90,8 +117,9 @@ def diagnose(
     """
     given = [recordings] if isinstance(recordings, Recording) else list(recordings)
     read = [without_computed(recording, rig, rules.recording) for recording in given]
+    options = DiagnosisOptions(threads, progress, rules)
     return [
-        diagnose_subject(rig, name, read, threads=threads, progress=progress, rules=rules)[1]
+        diagnose_subject(rig, name, read, options)[1]
         for name in subjects_to_diagnose(rig, read, joint)
     ]
 
@@ -117,7 +145,7 @@ def subjects_to_diagnose(
     if name is not None:
         found = [one for one in found if one == name]
         if not found:
-            refuse_no_bench(rig, bench_channels(name), recordings)
+            refuse_no_bench(bench_channels(name), recordings)
     for muscle in found:
         refuse_other_units_on_bench(rig, muscle, recordings)
         for recording in recordings:
@@ -125,7 +153,7 @@ def subjects_to_diagnose(
     if name is not None or (found and not rig.joints):
         return found
     if not rig.joints:
-        refuse_no_bench(rig, bench_channels(on_bench[0]) if on_bench else (), recordings)
+        refuse_no_bench(bench_channels(on_bench[0]) if on_bench else (), recordings)
     if found and not any(
         recordings[0].has(f"{PRESSURES}{m}") for j in rig.joints for m in j.muscles
     ):
@@ -200,73 +228,40 @@ def usable_parts(
     ]
 
 
-def prepared(
+def prepared_subject(
+    rig: Rig, name: str, recordings: Sequence[Recording], options: DiagnosisOptions = USUAL
+) -> JointDiagnosis:
+    """Prepare the diagnosis of a joint or a muscle on a bench, by its name."""
+    if name in rig.joint_names:
+        return _engine(rig, rig.joint_number(name), recordings, options)
+    return _engine(on_an_invented_joint(rig, name), 0, recordings, options, is_bench=True)
+
+
+def _engine(
     rig: Rig,
     number: int,
     recordings: Sequence[Recording],
+    options: DiagnosisOptions,
     *,
-    threads: int = 0,
-    progress: Progress = silent,
-    rules: Rules = DEFAULT,
-    with_experiment: bool = True,
+    is_bench: bool = False,
 ) -> JointDiagnosis:
-    """Prepare the diagnosis of the joint with this number; the arguments are `diagnose_joint`'s."""
+    """The diagnosis of the joint with this number, which may be invented for a bench."""
+    threads = options.threads if options.threads > 0 else min(os.cpu_count() or 1, 4)
+    muscles = rig.joints[number].muscles[:1] if is_bench else rig.joints[number].muscles
     return JointDiagnosis(
-        rig, number, usable_parts(rig, number, recordings, rules.recording), rules=rules,
-        threads=_at_once(threads), progress=progress, with_experiment=with_experiment,
-    )  # fmt: skip
-
-
-def _at_once(threads: int) -> int:
-    """Number of simulations that run in parallel; 0 stands for one per processor, at most 4."""
-    return threads if threads > 0 else min(os.cpu_count() or 1, 4)
-
-
-def prepared_subject(
-    rig: Rig,
-    name: str,
-    recordings: Sequence[Recording],
-    *,
-    threads: int = 0,
-    progress: Progress = silent,
-    rules: Rules = DEFAULT,
-) -> JointDiagnosis:
-    """Prepare the diagnosis of a joint or a muscle on a bench, by its name, without experiment."""
-    if name in rig.joint_names:
-        return prepared(
-            rig, rig.joint_number(name), recordings, threads=threads, progress=progress,
-            rules=rules,
-        )  # fmt: skip
-    return _prepared_bench(
-        on_an_invented_joint(rig, name), recordings, threads=threads, progress=progress, rules=rules
+        rig,
+        number,
+        usable_parts(rig, number, recordings, options.rules.recording, muscles),
+        rules=options.rules,
+        threads=threads,
+        progress=options.progress,
+        with_experiment=options.with_experiment,
+        is_bench=is_bench,
     )
 
 
-def _prepared_bench(
-    invented: Rig,
-    recordings: Sequence[Recording],
-    *,
-    threads: int,
-    progress: Progress,
-    rules: Rules,
-) -> JointDiagnosis:
-    """Prepare the diagnosis of a muscle that `on_an_invented_joint` has put on a joint."""
-    muscles = invented.joints[0].muscles[:1]
-    return JointDiagnosis(
-        invented, 0, usable_parts(invented, 0, recordings, rules.recording, muscles), rules=rules,
-        threads=_at_once(threads), progress=progress, is_bench=True,
-    )  # fmt: skip
-
-
 def diagnose_subject(
-    rig: Rig,
-    name: str,
-    recordings: Sequence[Recording],
-    *,
-    threads: int = 0,
-    progress: Progress = silent,
-    rules: Rules = DEFAULT,
-    with_experiment: bool = True,
+    rig: Rig, name: str, recordings: Sequence[Recording], options: DiagnosisOptions = USUAL
 ) -> tuple[JointDiagnosis, Diagnosis]:
     """Diagnose a joint, or a muscle on a bench, by its name from `subjects_to_diagnose`.
 
@@ -278,72 +273,35 @@ def diagnose_subject(
         Name of the joint or of the muscle.
     recordings : sequence of Recording
         Recordings without computed channels.
-    threads, progress, rules, with_experiment
-        As in `diagnose_joint`. No experiment is sought for a muscle on a bench.
+    options : DiagnosisOptions
+        How.
+
+    Returns
+    -------
+    JointDiagnosis, Diagnosis
+        The engine with all its trials, and the answer.
     """
-    if name in rig.joint_names:
-        return diagnose_joint(
-            rig, rig.joint_number(name), recordings, threads=threads, progress=progress,
-            rules=rules, with_experiment=with_experiment,
-        )  # fmt: skip
-
-    def engine_for(given: Rig) -> JointDiagnosis:
-        return _prepared_bench(given, recordings, threads=threads, progress=progress, rules=rules)
-
-    def on_the_bench(found: Rig | None) -> Rig | None:
-        return None if found is None else off_the_joint(rig, name, found)
-
-    engine, diagnosis = _answered(engine_for, on_an_invented_joint(rig, name), rules)
-    used = [data.recording for data in engine.problem.data]
-    left_out = (
-        [] if engine.problem.has_commands else
-        [f"{COMMANDS}{name}: not recorded; the valve stage cannot be judged"]
-    )  # fmt: skip
-    diagnosis = replace(
-        diagnosis,
-        joint=name,
-        improved=on_the_bench(diagnosis.improved),
-        retuned=on_the_bench(diagnosis.retuned),
+    is_bench = name not in rig.joint_names
+    number = 0 if is_bench else rig.joint_number(name)
+    engine, diagnosis = _answered(
+        partial(_engine, number=number, recordings=recordings, options=options, is_bench=is_bench),
+        on_an_invented_joint(rig, name) if is_bench else rig,
+        options.rules,
     )
-    return engine, _with_notes(diagnosis, used, left_out, rules.recording)
-
-
-def diagnose_joint(
-    rig: Rig,
-    number: int,
-    recordings: Sequence[Recording],
-    *,
-    threads: int = 0,
-    progress: Progress = silent,
-    rules: Rules = DEFAULT,
-    with_experiment: bool = True,
-) -> tuple[JointDiagnosis, Diagnosis]:
-    """Diagnose the joint with this number; return the engine with all its trials, and the answer.
-
-    Parameters
-    ----------
-    rig : Rig
-        The rig as its file describes it.
-    number : int
-        Number of the joint, from `joints_to_diagnose`.
-    recordings : sequence of Recording
-        Recordings without computed channels.
-    threads, progress, rules
-        As in `diagnose`.
-    with_experiment : bool
-        Whether the next experiment is sought.
-    """
-
-    def engine_for(given: Rig) -> JointDiagnosis:
-        return prepared(
-            given, number, recordings, threads=threads, progress=progress, rules=rules,
-            with_experiment=with_experiment,
-        )  # fmt: skip
-
-    engine, diagnosis = _answered(engine_for, rig, rules)
     used = [data.recording for data in engine.problem.data]
-    missing = [note for r in used for note in what_is_missing(rig, number, r)]
-    return engine, _with_notes(diagnosis, used, missing, rules.recording)
+    if not is_bench:
+        missing = [note for r in used for note in what_is_missing(rig, number, r)]
+    elif engine.problem.has_commands:
+        missing = []
+    else:
+        missing = [f"{COMMANDS}{name}: not recorded; the valve stage cannot be judged"]
+    if is_bench:
+        improved, retuned = (
+            None if found is None else off_the_joint(rig, name, found)
+            for found in (diagnosis.improved, diagnosis.retuned)
+        )
+        diagnosis = replace(diagnosis, joint=name, improved=improved, retuned=retuned)
+    return engine, _with_notes(diagnosis, used, missing, options.rules.recording)
 
 
 def _answered(

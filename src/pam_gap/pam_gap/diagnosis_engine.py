@@ -23,7 +23,7 @@ from pam_gap.inference.candidates import Candidate, applicable, candidates_for
 from pam_gap.inference.clean_rig import is_clean
 from pam_gap.inference.decide import Verdict, close_calls, decide, judge_of
 from pam_gap.inference.decision import Decision, Judge
-from pam_gap.inference.discrepancy_model import explain_leftover
+from pam_gap.inference.discrepancy_model import explained_leftover
 from pam_gap.inference.evidence import Evidence
 from pam_gap.inference.excitation import not_shown
 from pam_gap.inference.held_out import (
@@ -205,6 +205,7 @@ class JointDiagnosis:
         if self.fitter.background is None or not (whole[self.present] > 0.0).all():
             return False
         share = partial(self.judge.share_of, background=whole)
+        self.progress("one or two effects, no background", 0.36)
         return is_clean(self.fitter, result.nominal, result.by_size[0], share)
 
     def _goes_on(self, search: CandidateSearch, result: SearchResult) -> bool:
@@ -260,12 +261,7 @@ class JointDiagnosis:
     def bare_scores(self, hypotheses: Sequence[Hypothesis]) -> list[HeldOut]:
         """Fit and score hypotheses again without any background."""
         steps = self.rules.search.settled_steps
-        fits = self.fitter.fit_all(
-            [
-                FitTask(h.members, h.result.values, steps, guess=h.result.jacobian, is_bare=True)
-                for h in hypotheses
-            ]
-        )
+        fits = self.fitter.fit_all([FitTask.further(h, steps, is_bare=True) for h in hypotheses])
         return score_all(self.fitter, self.folds, fits)
 
     def scores(self, hypotheses: Sequence[Hypothesis]) -> list[HeldOut]:
@@ -391,7 +387,7 @@ class JointDiagnosis:
         unlisted = self.unlisted_scores(scores, result.nominal, result.by_size[0])
         retuned = nominal.hypothesis
         vector = self.fitter.vector((), retuned.result.values)
-        location = locate(self.problem, vector, self.fitter.simulated_errors(retuned))
+        location = locate(self.problem, vector, retuned.simulated)
         evidence = Evidence(
             floor=self.floor,
             background=self.judge.background,
@@ -424,8 +420,8 @@ class JointDiagnosis:
             "level_after": self.judge.level(told),
         }
         if chosen is not None:
-            leftover = explain_leftover(self.problem, self.folds, chosen.hypothesis.result.errors)
-            facts["leftover_explained"] = float(leftover.explained[self.present].max())
+            leftover = explained_leftover(self.problem, self.folds, chosen.hypothesis.result.errors)
+            facts["leftover_explained"] = float(leftover[self.present].max())
         return facts | {
             "seconds": time.monotonic() - started,
             "simulations": self.problem.simulations,

@@ -17,6 +17,7 @@ from pathlib import Path
 from pam_gap.answer.diagnosis import Diagnosis
 from pam_gap.answer.provenance import provenance
 from pam_gap.diagnose_recordings import (
+    DiagnosisOptions,
     diagnose_subject,
     prepared_subject,
     subjects_to_diagnose,
@@ -181,10 +182,8 @@ def diagnose_files(
     for name in names:
         folder = subject_folder(out, names, name)
         with progress(1.0, name, wanted=show_progress) as bar:
-            engine, diagnosis = diagnose_subject(
-                rig, name, read, threads=threads, progress=joint_progress(bar, name),
-                rules=rules, with_experiment=not answer_only,
-            )  # fmt: skip
+            options = DiagnosisOptions(threads, joint_progress(bar, name), rules, not answer_only)
+            engine, diagnosis = diagnose_subject(rig, name, read, options)
         diagnosis = replace(diagnosis, provenance=origin)
         improved_name = ""
         for made, file in ((diagnosis.improved, IMPROVED_RIG), (diagnosis.retuned, RETUNED_RIG)):
@@ -252,10 +251,8 @@ def _look(given: Arguments) -> Outcome:
     looks = []
     for name in names:
         with progress(1.0, name, wanted=not given.no_progress) as bar:
-            engine = prepared_subject(
-                rig, name, read, threads=given.threads, progress=joint_progress(bar, name),
-                rules=rules,
-            )  # fmt: skip
+            options = DiagnosisOptions(given.threads, joint_progress(bar, name), rules)
+            engine = prepared_subject(rig, name, read, options)
             looks.append(replace(first_look(engine), joint=name))
         looks[-1].write(subject_folder(given.out, names, name))
     for look in looks:

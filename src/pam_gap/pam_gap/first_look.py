@@ -135,7 +135,7 @@ def first_look(engine: JointDiagnosis) -> FirstLook:
     nominal = fitter.fit_nominal()
     written = engine.written()
     values = fitter.vector((), nominal.result.values)
-    location = locate(problem, values, fitter.simulated_errors(nominal))
+    location = locate(problem, values, nominal.simulated)
     share = engine.rules.decision.material_share
     squares = [written.mean_square, nominal.mean_square, nominal.mean_square]
     sizes = gap_sizes(problem, noise_level(problem, values), share, share, squares)
@@ -152,11 +152,12 @@ def _ranked(engine: JointDiagnosis, nominal: Hypothesis) -> tuple[Resemblance, .
     """The effects by the share of the error that they remove; of several starts the best."""
     candidates = engine.candidates()
     engine.progress(f"one effect: {len(candidates)} candidates", 0.4)
+    reuse = nominal.result.jacobian
     tried = engine.fitter.fit_all(
         [
             FitTask(
                 (candidate,), np.concatenate([nominal.result.values, start]), 1,
-                cached=nominal.result.jacobian,
+                cached=reuse,
             )
             for candidate in candidates
             for start in candidate.starts

@@ -9,13 +9,12 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager
-from typing import Any, Final
+from typing import Final
 
 from pam_control.control_step import Measurement
-from pam_driver.safety.command_intake import NamedCommand
+from pam_control.controller_inputs import NodeSide
+from pam_driver.safety.valve_command_intake import NamedCommand
 from pam_driver.snapshot import Snapshot
-from pam_model.rig import Rig
 from pam_ros.driver_state import COMMANDABLE
 from pam_ros.joint_state_publisher import JointStatePublisher
 from pam_ros.message_sources import source_of
@@ -35,9 +34,9 @@ class DirectLink:
     ----------
     take_commands, vent : callable
         Those of the driver's node: takes commands and the monotonic time [s]; vents.
-    node, rig, clock, rejecting, take_driver_state, lose_driver_state
-        As for `pam_control.driver_link.TopicLink`. What the driver hands over needs neither
-        names nor a queue, so that nothing is rejected or lost.
+    side : NodeSide
+        Of the controller. What the driver hands over needs neither names nor a queue, so that
+        nothing is rejected or lost.
 
     Attributes
     ----------
@@ -52,26 +51,18 @@ class DirectLink:
     """
 
     def __init__(
-        self,
-        take_commands: TakeCommands,
-        vent: Callable[[], object],
-        node: Any,
-        rig: Rig,
-        clock: Callable[[], float],
-        rejecting: Callable[[str], AbstractContextManager[None]],
-        take_driver_state: Callable[[Any], object],
-        lose_driver_state: Callable[[], object],
+        self, take_commands: TakeCommands, vent: Callable[[], object], side: NodeSide
     ) -> None:
         self.polled_topics = ()
         self.arrival = 0.0
-        self.source = source_of(node)
-        self.hear_state = take_driver_state
+        self.source = source_of(side.node)
+        self.hear_state = side.take_driver_state
         self._take, self._vent = take_commands, vent
-        self._origin = time.monotonic() - clock()
-        self._muscles = rig.muscle_names
-        self._format = ValveCommandFormat(rig.valve_kinds)
+        self._origin = time.monotonic() - side.clock()
+        self._muscles = side.rig.muscle_names
+        self._format = ValveCommandFormat(side.rig.valve_kinds)
         self._topic = JointStatePublisher(
-            node, "valve_commands", 1, self.source, besides=_OF_THE_DRIVER
+            side.node, "valve_commands", 1, self.source, besides=_OF_THE_DRIVER
         )
         self._measurement = Measurement((), (), -math.inf, -math.inf)
         self._taken = False

@@ -16,6 +16,7 @@ from typing import Any, Final
 import rclpy
 from rclpy.experimental import EventsExecutor
 
+from pam_control.controller_inputs import NodeSide
 from pam_driver.snapshot import Snapshot
 from pam_model.errors import PamError
 from pam_robot.direct_link import COMMAND_DELAY, DirectLink
@@ -97,9 +98,9 @@ class RobotNodes:
         self._made.append(node)
         return node
 
-    def _make_link(self, *given: Any) -> DirectLink:
+    def _make_link(self, side: NodeSide) -> DirectLink:
         vent = partial(self.driver.vent, "the controller asks for it")
-        self._link = DirectLink(self.driver.take_commands, vent, *given)
+        self._link = DirectLink(self.driver.take_commands, vent, side)
         self.source = self._link.source
         return self._link
 

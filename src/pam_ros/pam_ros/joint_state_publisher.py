@@ -87,17 +87,7 @@ class JointStatePublisher:
         velocity: Sequence[float] = (),
         effort: Sequence[float] = (),
     ) -> None:
-        """Publish a message, if the topic has subscribers.
-
-        Parameters
-        ----------
-        nanoseconds : int
-            The stamp, since 1970 [ns].
-        names : tuple of str
-            Names.
-        position, velocity, effort : sequence of float, optional
-            The numbers.
-        """
+        """Publish a message, if the topic has subscribers; see `JointStateWriter.write`."""
         if self.heard():
             self._publisher.publish(
                 self._writer.write(nanoseconds, names, position, velocity, effort)

@@ -6,7 +6,8 @@ A node's `--help` is made of such rows, and answers before ROS is imported.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields
+from typing import Any, Final
 
 from pam_ros.errors import ParameterError
 from pam_ros.foreign_text import value_shown
@@ -72,3 +73,17 @@ class Parameter:
                 )
         assert isinstance(value, bool | int | float | str)
         return value
+
+
+_ROW: Final = "parameter"
+
+
+def declared(default: Value, unit: str, low: float, high: float, description: str) -> Any:
+    """A field of a dataclass that is the parameter of a node of the same name, see `Parameter`."""
+    return field(default=default, metadata={_ROW: (unit, low, high, description)})
+
+
+def declared_rows(settings: type) -> tuple[Parameter, ...]:
+    """The parameters that the fields of a dataclass declare."""
+    found: list[Any] = [one for one in fields(settings) if _ROW in one.metadata]
+    return tuple(Parameter(one.name, one.default, *one.metadata[_ROW]) for one in found)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pam_driver.driver import Driver
-from pam_driver.safety.command_intake import CommandRefusedError, NamedCommand
+from pam_driver.safety.valve_command_intake import CommandRefusedError, NamedCommand
 
 
 def offer(driver: Driver, command: NamedCommand, now: float) -> bool:

@@ -8,8 +8,8 @@ from pathlib import Path
 from pam_driver.can_bus.bus import open_bus
 from pam_driver.driver import Driver
 from pam_driver.driver_settings import DriverSettings
-from pam_driver.safety.command_intake import NamedCommand
 from pam_driver.safety.states import SafetyState
+from pam_driver.safety.valve_command_intake import NamedCommand
 from pam_model.rig import load_rig
 from pam_sim.simulated_rig import SimulatedRig
 from support.commands import offer

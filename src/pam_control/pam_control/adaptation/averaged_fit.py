@@ -37,32 +37,33 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 
+from pam_control.adaptation.forgetting_fit import ForgettingFit
 from pam_control.adaptation.normal_equations import (
+    CORRELATED,
+    N_SUMS,
+    SEEN,
+    Array,
     add_sample,
-    dot,
     factorise,
     log_determinant,
     square_sum,
+    squares_left,
     substitute,
+    worth,
 )
-from pam_control.adaptation.recursive_fit import CORRELATED, DOUBTED, MEMORY, SOLVED_EVERY
-from pam_control.adaptation.running_comparison import RunningComparison
-from pam_model.plant.compiled import entry_point, for_kernel, listed, prepare
+from pam_control.adaptation.recursive_fit import DOUBTED
+from pam_model.plant.compiled import entry_point, for_kernel, listed
 
 PIVOTS: Final = 6  # exchanges of what is at its bound; the last sets are nearly always right
 BELIEVED_FOR: Final = 0.25  # s of motion, for which the believed error counts
 FOLLOWS: Final = 0.3  # s of motion, in which the weights follow a fit that explains too little
 EXPLAINED: Final = 2.0  # times the noise, which the errors of a fit exceed that does so
 
-Array = npt.NDArray[np.float64]
-
 # What does not change of a fit: noise, believed error, threshold
-NOISE, BELIEVED, THRESHOLD, N_GIVEN = range(4)
-# State: sums of weights and of squared values, time since the last solution, and squared errors of
-# the fit by those of one that explains too little
-SEEN, ENERGY, UNSOLVED, UNEXPLAINED, N_STATE = range(5)
+NOISE, BELIEVED, THRESHOLD = range(3)
+# In the state after the sums: squared errors of the fit by those of one that explains too little
+UNEXPLAINED: Final = N_SUMS
 # Rows of weights: as the data show them, as they are used, bounds, sums, and scratch
 FITTED, FOLLOWED, BOUND, WANTED, SIDE, N_ROWS = range(6)
 # Of each rival: log odds, least gain, logarithm of the determinant of its penalty, what it leaves,
@@ -93,8 +94,7 @@ class Rival:
 
 def rival_left(state: Any, rows: Any, products: Any, weights: Any) -> float:
     """Sum of the squared errors that the weights of a rival leave."""
-    left = state[ENERGY] - 2.0 * dot(weights, rows[WANTED]) + square_sum(products, weights)
-    return float(max(left, 0.0))
+    return max(squares_left(state, products, rows[WANTED], weights), 0.0)
 
 
 def regular_equations(
@@ -182,8 +182,7 @@ def fit_rivals(
             fitted[i] += rivals[r][PROBABILITY] * solutions[r][i]
     doubtful = (EXPLAINED * given[NOISE]) ** 2
     state[UNEXPLAINED] = min((left + before * doubtful) / (samples * doubtful), 1.0)
-    explained, least = square_sum(products, fitted), given[THRESHOLD] ** 2 * state[SEEN]
-    used = 0.0 if explained <= least else 1.0 - least / explained
+    used = worth(square_sum(products, fitted), given[THRESHOLD] ** 2 * state[SEEN])
     for i in range(count):
         fitted[i] *= used
 
@@ -197,13 +196,7 @@ def take_rival_sample(
 
     The rows are those of `AveragedFit`.
     """
-    share = duration / CORRELATED
-    add_sample(products, rows[WANTED], functions, value, kept, share)
-    state[ENERGY] = kept * state[ENERGY] + share * value * value
-    state[SEEN] = kept * state[SEEN] + share
-    state[UNSOLVED] += duration
-    if state[UNSOLVED] >= SOLVED_EVERY:
-        state[UNSOLVED] = 0.0
+    if add_sample(state, products, rows[WANTED], functions, value, duration, kept):
         fit_rivals(given, state, rows, products, rivals, penalties, held, solutions, scratch)
     fitted, followed, nothing = rows[FITTED], rows[FOLLOWED], True
     nearer = -math.expm1(-duration / max(FOLLOWS * state[UNEXPLAINED], duration))
@@ -216,7 +209,7 @@ def take_rival_sample(
             followed[i] = 0.0
 
 
-class AveragedFit:
+class AveragedFit(ForgettingFit):
     """Weights of given functions that explain a measured value.
 
     Parameters
@@ -233,11 +226,6 @@ class AveragedFit:
         Root mean square that the weights must explain to be used at all, in the value's unit.
     bounds : mapping of int to float
         Least weight by the number of the function.
-
-    Attributes
-    ----------
-    weights : list of float
-        Of the functions, as they are to be used.
     """
 
     def __init__(
@@ -256,15 +244,10 @@ class AveragedFit:
         self._bounds = [bounds.get(number, -math.inf) for number in range(count)]
         self._rivals = rivals
         self._given = for_kernel(np.array([noise, believed, threshold]))
-        self._comparison = RunningComparison(threshold)
-        self.forget()
-        prepare(take_rival_sample, *self._arguments, self._sums[0], 0.0, 0.0, 0.0)
+        super().__init__(take_rival_sample, threshold)
 
-    def forget(self) -> None:
-        """Nothing is known."""
+    def _begin(self) -> tuple[Any, ...]:
         count, rivals = len(self._bounds), len(self._rivals)
-        self.weights: list[float] = [0.0] * count
-        self._comparison.forget()
         sums, table = np.zeros((N_ROWS, count)), np.zeros((rivals, N_RIVAL))
         sums[BOUND] = self._bounds
         table[:, ODDS] = [rival.log_odds for rival in self._rivals]
@@ -272,7 +255,8 @@ class AveragedFit:
         table[:, PRIOR_SIZE] = np.log(self._penalty).sum(axis=1)
         table[:, PROBABILITY] = 1.0 / rivals
         self._sums, self._table = for_kernel(sums), for_kernel(table)
-        self._arguments = (
+        self._used = self._sums[FOLLOWED]
+        return (
             self._given,
             for_kernel(np.array([0.0, 0.0, math.inf, 1.0])),
             self._sums,
@@ -298,19 +282,3 @@ class AveragedFit:
         """Probability of the rivals that have a function [-]."""
         pairs = zip(self.probabilities, self._has, strict=True)
         return sum(probability for probability, has in pairs if has[function])
-
-    def update(self, functions: Sequence[float], value: float, duration: float) -> None:
-        """Take the functions' values, shape (n,), and the measured value after a time [s].
-
-        The weights are computed anew every `SOLVED_EVERY`, because that takes most of the time. A
-        sample without a duration says nothing.
-        """
-        if duration <= 0.0:
-            return
-        comparison, followed = self._comparison, listed(self._sums[FOLLOWED])
-        expected = sum(weight * each for weight, each in zip(followed, functions, strict=True))
-        comparison.update(expected, value, duration)
-        kept = math.exp(-duration / comparison.memory(MEMORY))
-        sample = for_kernel(np.array(functions))
-        take_rival_sample(*self._arguments, sample, value, duration, kept)
-        self.weights = [comparison.share * weight for weight in listed(self._sums[FOLLOWED])]

@@ -13,17 +13,30 @@ from __future__ import annotations
 import math
 from typing import Any, Final
 
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
 ROUNDING: Final = 1e-14
 """Of a diagonal element; what is left of it is at least that, so that rounding ends no fit."""
+CORRELATED: Final = 0.05  # s, for which the error of a fit stays about the same
+SOLVED_EVERY: Final = 0.045  # s of motion or work; the weights change within seconds
+
+SEEN, ENERGY, UNSOLVED, N_SUMS = range(4)
+"""State of a fit: sums of weights and of squared values, time since the last solution [s]."""
 
 
 def add_sample(
-    products: Any, wanted: Any, functions: Any, value: float, kept: float, share: float
-) -> None:
-    """Let older samples fade, and add one.
+    state: Any, products: Any, wanted: Any, functions: Any, value: float, duration: float,
+    kept: float,
+) -> bool:  # fmt: skip
+    """Let older samples fade, and add one; return whether the fit is to be solved again.
 
     Parameters
     ----------
+    state : row
+        `SEEN` and its like; changed.
     products : matrix
         (n, n) sums of the products of the functions; changed.
     wanted : row
@@ -32,16 +45,24 @@ def add_sample(
         (n,) values of the functions.
     value : float
         That they should explain.
+    duration : float
+        Time since the sample before [s].
     kept : float
         Share of the older sums that stays [-].
-    share : float
-        Weight of the sample [-].
     """
+    share = duration / CORRELATED
     for i in range(len(wanted)):
         scaled = share * functions[i]
         wanted[i] = kept * wanted[i] + scaled * value
         for j in range(len(wanted)):
             products[i][j] = kept * products[i][j] + scaled * functions[j]
+    state[ENERGY] = kept * state[ENERGY] + share * value * value
+    state[SEEN] = kept * state[SEEN] + share
+    state[UNSOLVED] += duration
+    if state[UNSOLVED] < SOLVED_EVERY:
+        return False
+    state[UNSOLVED] = 0.0
+    return True
 
 
 def square_sum(products: Any, weights: Any) -> float:
@@ -53,6 +74,17 @@ def square_sum(products: Any, weights: Any) -> float:
             row += products[i][j] * weights[j]
         total += weights[i] * row
     return total
+
+
+def squares_left(state: Any, products: Any, wanted: Any, weights: Any) -> float:
+    """Sum of the squared errors that weights leave."""
+    explained = square_sum(products, weights)
+    return float(state[ENERGY] - 2.0 * dot(weights, wanted) + explained)
+
+
+def worth(explained: float, least: float) -> float:
+    """The factor on weights [-] that explain so much, where less than `least` is a trifle."""
+    return 0.0 if explained <= least else 1.0 - least / explained
 
 
 def dot(one: Any, other: Any) -> float:

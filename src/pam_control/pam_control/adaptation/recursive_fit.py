@@ -30,30 +30,26 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 
+from pam_control.adaptation.forgetting_fit import ForgettingFit
 from pam_control.adaptation.normal_equations import (
+    N_SUMS,
+    SEEN,
     add_sample,
-    dot,
     factorise,
     square_sum,
+    squares_left,
     substitute,
+    worth,
 )
-from pam_control.adaptation.running_comparison import RunningComparison
-from pam_model.plant.compiled import entry_point, for_kernel, listed, prepare
+from pam_model.plant.compiled import entry_point, for_kernel
 
-CORRELATED: Final = 0.05  # s, for which the error of a fit stays about the same
 DOUBTED: Final = 1e9  # times the penalty; such a weight is as good as 0
-MEMORY: Final = 15.0  # s of motion or work, not of time
-SOLVED_EVERY: Final = 0.045  # s of motion or work; the weights change within seconds
-
-Array = npt.NDArray[np.float64]
 
 # What does not change of a fit: noise, threshold, least weight and gain of the suspect (a gain of 0
 # means that there is none), and the number of the function whose weight is positive, or -1
-NOISE, THRESHOLD, SUSPECT_LEAST, SUSPECT_BETTER, POSITIVE, N_GIVEN = range(6)
-# State: sums of weights and of squared values, time since the last solution, size of the errors
-SEEN, ENERGY, UNSOLVED, SIZE, N_STATE = range(5)
+NOISE, THRESHOLD, SUSPECT_LEAST, SUSPECT_BETTER, POSITIVE = range(5)
+SIZE: Final = N_SUMS  # of the errors, in the state after the sums
 # Rows of weights: in use, last solution, their standard deviations' penalty, doubts, and scratch
 FITTED, SOLUTION, PENALTY, DOUBT, WANTED, ALONE, MOVED, N_ROWS = range(8)
 
@@ -72,12 +68,6 @@ class Suspect:
 
     least: float
     better: float
-
-
-def squares_left(state: Any, rows: Any, products: Any, weights: Any) -> float:
-    """Sum of the squared errors that weights leave."""
-    explained = square_sum(products, weights)
-    return float(state[ENERGY] - 2.0 * dot(weights, rows[WANTED]) + explained)
 
 
 def solve_with_or_without_suspect(
@@ -112,8 +102,8 @@ def solve_with_or_without_suspect(
     alone[last], found[last] = 0.0, weight
     for i in range(last):
         found[i] = alone[i] - weight * moved[i]
-    without = squares_left(state, rows, products, alone)
-    with_all = squares_left(state, rows, products, found)
+    without = squares_left(state, products, rows[WANTED], alone)
+    with_all = squares_left(state, products, rows[WANTED], found)
     believed = without > given[SUSPECT_BETTER] * with_all and abs(weight) > given[SUSPECT_LEAST]
     if not believed:
         for i in range(count):
@@ -129,16 +119,10 @@ def take_sample(
 
     The rows are those of `RecursiveFit`.
     """
-    share = duration / CORRELATED
-    add_sample(products, rows[WANTED], functions, value, kept, share)
-    state[ENERGY] = kept * state[ENERGY] + share * value * value
-    state[SEEN] = kept * state[SEEN] + share
-    state[UNSOLVED] += duration
-    if state[UNSOLVED] < SOLVED_EVERY:
+    if not add_sample(state, products, rows[WANTED], functions, value, duration, kept):
         return
-    state[UNSOLVED] = 0.0
     found, fitted, positive = rows[SOLUTION], rows[FITTED], int(given[POSITIVE])
-    left = squares_left(state, rows, products, found)
+    left = squares_left(state, products, rows[WANTED], found)
     state[SIZE] = max(left / (state[SEEN] * given[NOISE] ** 2), 1.0)
     if positive >= 0:
         rows[DOUBT][positive] = 1.0
@@ -146,13 +130,12 @@ def take_sample(
     if positive >= 0 and found[positive] < 0.0:
         rows[DOUBT][positive] = DOUBTED
         solve_with_or_without_suspect(given, state, rows, products, scratch)
-    explained, least = square_sum(products, found) / state[SEEN], given[THRESHOLD] ** 2
-    used = 0.0 if explained <= least else 1.0 - least / explained
+    used = worth(square_sum(products, found) / state[SEEN], given[THRESHOLD] ** 2)
     for i in range(len(fitted)):
         fitted[i] = used * found[i]
 
 
-class RecursiveFit:
+class RecursiveFit(ForgettingFit):
     """Weights of given functions that explain a measured value.
 
     Parameters
@@ -167,11 +150,6 @@ class RecursiveFit:
         The last function is one.
     positive : int, optional
         Number of a function whose weight cannot be negative; it is left out where it would be.
-
-    Attributes
-    ----------
-    weights : list of float
-        Of the functions.
     """
 
     def __init__(
@@ -186,34 +164,17 @@ class RecursiveFit:
         least, better = (suspect.least, suspect.better) if suspect else (0.0, 0.0)
         number = -1.0 if positive is None else float(positive)
         self._given = for_kernel(np.array([noise, threshold, least, better, number]))
-        self._comparison = RunningComparison(threshold)
-        self.forget()
-        prepare(take_sample, *self._arguments, self._sums[0], 0.0, 0.0, 0.0)
+        super().__init__(take_sample, threshold)
 
-    def forget(self) -> None:
-        """Nothing is known."""
+    def _begin(self) -> tuple[Any, ...]:
         count = len(self._deviations)
-        self.weights: list[float] = [0.0] * count
-        self._comparison.forget()
         sums, square = np.zeros((N_ROWS, count)), np.zeros((count, count))
         sums[PENALTY], sums[DOUBT] = (self._noise / self._deviations) ** 2, 1.0
         self._sums, self._products = for_kernel(sums), for_kernel(square)
         self._state = for_kernel(np.array([0.0, 0.0, math.inf, 1.0]))
         scratch = for_kernel(square.copy())
-        self._arguments = (self._given, self._state, self._sums, self._products, scratch)
-
-    def update(self, functions: Sequence[float], value: float, duration: float) -> None:
-        """Take the functions' values, shape (n,), and the measured value after a time [s].
-
-        The weights are computed anew every `SOLVED_EVERY`, because that takes most of the time.
-        """
-        comparison, fitted = self._comparison, listed(self._sums[FITTED])
-        expected = sum(weight * each for weight, each in zip(fitted, functions, strict=True))
-        comparison.update(expected, value, duration)
-        kept = math.exp(-duration / comparison.memory(MEMORY))
-        sample = for_kernel(np.array(functions))
-        take_sample(*self._arguments, sample, value, duration, kept)
-        self.weights = [comparison.share * weight for weight in listed(self._sums[FITTED])]
+        self._used = self._sums[FITTED]
+        return self._given, self._state, self._sums, self._products, scratch
 
     def deviation(self, index: int) -> float:
         """Standard deviation of one weight, in its unit."""

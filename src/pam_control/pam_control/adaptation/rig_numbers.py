@@ -21,7 +21,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from pam_control.adaptation.recursive_fit import MEMORY, Array
+from pam_control.adaptation.forgetting_fit import MEMORY
+from pam_control.adaptation.normal_equations import Array
 
 NOISE: Final = 5e-4  # of the largest torque; the fit cannot be better
 UNEXPLAINED: Final = 3e-3  # of the largest torque; more is something else than these numbers

@@ -16,7 +16,7 @@ friction or a load. Then the stiffness of the model is kept, with the interval o
 The same data tell, when somebody asks, which load and friction the rig has (`rig_numbers`).
 
 Source: Bayesian linear regression, C. M. Bishop, Pattern Recognition and Machine Learning, Springer
-2006, section 3.3; forgetting as in `recursive_fit`.
+2006, section 3.3; forgetting as in `forgetting_fit`.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from typing import Final
 import numpy as np
 
 from pam_control.adaptation.motion_functions import begin_memory, element, move_memory
-from pam_control.adaptation.recursive_fit import CORRELATED, Array
+from pam_control.adaptation.normal_equations import CORRELATED, Array
 from pam_control.adaptation.rig_numbers import (
     DRY_FRICTION,
     NOISE,

@@ -14,14 +14,16 @@ from pam_control.compensation.dry_friction import slipped
 from pam_control.rows.plan_rows import (
     J_HAS_HISTORY,
     J_PRESLIDING,
+    W_PLANNED,
     Y_HISTORY_POSITION,
     Y_HISTORY_TIME,
     Y_SLIP,
 )
-from pam_model.physics.joint_geometry import ANTAGONIST_SIGN
+from pam_model.physics.joint_geometry import SIGNS
 from pam_model.plant.composition import dry_friction, memory_pull
 from pam_model.plant.control_laws import memory_advance
-from pam_model.plant.layout import AGONIST, ANTAGONIST, N_MUSCLE_STATES
+from pam_model.plant.layout import N_MUSCLE_STATES
+from pam_model.views.joint_numbers import SIDES
 from pam_model.views.joint_rows import length_rate, torque_of
 
 
@@ -34,33 +36,33 @@ def begin_history(y: Any, memory: Any) -> None:
 
 
 def history_torque(
-    c: Any, j: Any, y: Any, memory: Any, time: float, position: float, velocity: float,
-    acceleration: float, a: float, b: float,
+    c: Any, j: Any, w: Any, y: Any, memory: Any, time: float, position: float, velocity: float,
+    acceleration: float,
 ) -> float:  # fmt: skip
     """Advance the states along the reference to a time and return their torque on the joint [N m].
 
     Parameters
     ----------
-    c, j, y, memory : rows
-        Constants of the joint, its numbers, state of the plan (`plan_rows`) and of both muscles.
+    c, j, w, y, memory : rows
+        Constants of the joint, its numbers, its muscles, whose approximate pressures at that time
+        are `W_PLANNED`, state of the plan (`plan_rows`) and of the muscles.
     time : float
         Not earlier than in the last call [s].
     position, velocity, acceleration : float
         Of the reference at that time.
-    a, b : float
-        Approximate pressures of the muscles at that time, gauge [Pa].
     """
     if j[J_HAS_HISTORY] == 0.0:
         return 0.0
     if not math.isnan(y[Y_HISTORY_POSITION]):
         travel = position - y[Y_HISTORY_POSITION]
         y[Y_SLIP] = slipped(y[Y_SLIP], travel, velocity, acceleration, j[J_PRESLIDING])
-        stroke = length_rate(ANTAGONIST_SIGN, c, travel)
         duration = max(time - y[Y_HISTORY_TIME], 0.0)
-        memory_advance(AGONIST, c, memory, 0, -stroke, duration)
-        memory_advance(ANTAGONIST, c, memory, N_MUSCLE_STATES, stroke, duration)
+        for k in range(len(w)):
+            stroke = length_rate(SIGNS[k], c, travel)
+            memory_advance(SIDES[k], c, memory, k * N_MUSCLE_STATES, stroke, duration)
     y[Y_HISTORY_POSITION], y[Y_HISTORY_TIME] = position, time
-    agonist, _ = memory_pull(AGONIST, c, memory, 0, a)
-    antagonist, _ = memory_pull(ANTAGONIST, c, memory, N_MUSCLE_STATES, b)
-    friction = y[Y_SLIP] * dry_friction(c, velocity)
-    return float(torque_of(c, agonist, antagonist) - friction)
+    pull = 0.0
+    for k in range(len(w)):
+        own, _ = memory_pull(SIDES[k], c, memory, k * N_MUSCLE_STATES, w[k][W_PLANNED])
+        pull += SIGNS[k] * own
+    return float(torque_of(c, pull) - y[Y_SLIP] * dry_friction(c, velocity))

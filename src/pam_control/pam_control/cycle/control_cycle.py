@@ -59,12 +59,13 @@ class ControlCycle:
         numbers = for_kernel(joint_numbers(robot))
         self._valves = PressureLoops(robot, joints, table, reservoir, numbers)
         states, loops = law.init_together(joints), self._valves.loops
-        self._rows = CycleRows(states[0].rows.x if law.together else new_cycle(len(states)))
+        if law.together:
+            self._rows = CycleRows(states[0].rows.w, states[0].rows.x)
+        else:
+            self._rows = CycleRows(*new_cycle(*np.shape(table.owned)))
         self.channels = [
-            JointChannel(models, (loops[first], loops[second]), setup, self._rows, state)
-            for models, (first, second), setup, state in zip(
-                joints, table.pairs, setups, states, strict=True
-            )
+            JointChannel(models, tuple(loops[k] for k in owned), setup, self._rows, state)
+            for models, owned, setup, state in zip(joints, table.owned, setups, states, strict=True)
         ]
         self._sinks = False  # the air is let out slowly
         self.use(setups)
@@ -73,15 +74,15 @@ class ControlCycle:
     def _compile(self) -> None:
         """Let no cycle wait for machine code."""
         rows, valves, references = self._rows, self._valves, self._references.limited_references
-        x, k, u, d, pairs = rows.x, rows.k, rows.u, valves.demands, self._table.pairs
+        w, x, k, u, d, owned = rows.w, rows.x, rows.k, rows.u, valves.demands, self._table.owned
         positions = for_kernel(np.zeros(len(self.channels)))
         history, ends = references.history, references.ends
         prepare(
-            sense, pairs, x, k, u, d, valves.state, history, ends, positions, 0.0, 0.0, 0.0, 0.0
+            sense, owned, w, x, k, u, d, valves.state, history, ends, positions, 0.0, 0.0, 0.0, 0.0
         )
-        prepare(demand, pairs, x, k, u, d, 0.0)
-        prepare(settle, pairs, x, k, u, for_kernel(np.zeros(len(d))), 0.0, False)
-        prepare(longest_delay, pairs, k, valves.state)
+        prepare(demand, owned, w, x, k, u, d, 0.0)
+        prepare(settle, owned, x, k, u, for_kernel(np.zeros(len(d))), 0.0, False)
+        prepare(longest_delay, owned, k, valves.state)
 
     def use(self, setups: Sequence[JointSetup]) -> None:
         """Use other settings, gains and values of the law from the next cycle on."""
@@ -102,7 +103,7 @@ class ControlCycle:
         """
         for channel in self.channels:
             channel.prepare()
-        return longest_delay(self._table.pairs, self._rows.k, self._valves.state)
+        return longest_delay(self._table.owned, self._rows.k, self._valves.state)
 
     def commands(
         self,
@@ -136,7 +137,7 @@ class ControlCycle:
         for place, learner in self._learners.items():
             learner.follow(self._references.spline(self._joints[place].name))
         sense(
-            table.pairs, rows.x, rows.k, rows.u, valves.demands, valves.state,
+            table.owned, rows.w, rows.x, rows.k, rows.u, valves.demands, valves.state,
             references.history, references.ends, for_kernel(np.array(measurement.positions)), time,
             measurement.position_time, measured_at, settings.measurement_delay,
         )  # fmt: skip
@@ -146,11 +147,12 @@ class ControlCycle:
                 channel.sink(share)
         if share is None:
             self._plan(step, stiffnesses, torques)
-        demand(table.pairs, rows.x, rows.k, rows.u, valves.demands, step)
+        demand(table.owned, rows.w, rows.x, rows.k, rows.u, valves.demands, step)
         found, cut = valves.command(time - measured_at, step)
-        settle(table.pairs, rows.x, rows.k, rows.u, cut, step, share is not None)
-        for channel, x, k in zip(self.channels, listed(rows.x), listed(rows.k), strict=True):
-            channel.tell(x, k)
+        settle(table.owned, rows.x, rows.k, rows.u, cut, step, share is not None)
+        rows_of_joints = map(listed, (rows.w, rows.x, rows.k))
+        for channel, w, x, k in zip(self.channels, *rows_of_joints, strict=True):
+            channel.tell(w, x, k)
         commands = [math.nan] * self._count
         for place, command in zip(table.places, listed(found), strict=True):
             commands[place] = command

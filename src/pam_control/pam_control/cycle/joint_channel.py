@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 from pam_control.control_step import (
@@ -14,8 +15,6 @@ from pam_control.control_step import (
 )
 from pam_control.cycle.joint_cycle import (
     K_DELAY,
-    K_DESIRED_A,
-    K_DESIRED_B,
     K_FEEDBACK,
     K_GAINS,
     K_POSITION,
@@ -35,9 +34,11 @@ from pam_control.laws.law import Guidance, GuideRequest, Start
 from pam_control.references.motion_limiter import MotionLimits
 from pam_control.references.spline import JointReference
 from pam_control.rows.plan_rows import (
-    X_ACTS_A,
-    X_ACTS_B,
-    X_DESIRED_A,
+    W_ACTS,
+    W_DESIRED,
+    W_PRESSURE,
+    W_REFERENCE,
+    W_SPEED,
     X_DISTURBANCE,
     X_FRESH,
     X_INTEGRAL,
@@ -46,18 +47,15 @@ from pam_control.rows.plan_rows import (
     X_NEW_INTEGRAL,
     X_NOW,
     X_OUTPUT,
-    X_PRESSURE_A,
-    X_RATE_A,
     X_REACHED_STIFFNESS,
     X_REACHED_TORQUE,
-    X_REFERENCE_A,
     X_SEEN,
-    X_SPEED_B,
     X_STIFFNESS,
     X_STIFFNESS_LIMITED,
     X_TORQUE,
     X_TORQUE_LIMITED,
     X_TRUE_STIFFNESS,
+    X_UNEXPLAINED,
 )
 
 
@@ -70,8 +68,8 @@ class JointChannel:
     ----------
     models : JointModels
         What holds for the joint.
-    loops : (MuscleLoop, MuscleLoop)
-        Of agonist and antagonist.
+    loops : tuple of MuscleLoop
+        Of its muscles.
     setup : JointSetup
         What is in force at the start.
     rows : CycleRows
@@ -84,13 +82,13 @@ class JointChannel:
     models : JointModels
         What holds for the joint.
     loops : tuple of MuscleLoop
-        Of agonist and antagonist, with what was learnt of their valves.
+        Of its muscles, with what was learnt of their valves.
     """
 
     def __init__(
         self,
         models: JointModels,
-        loops: tuple[MuscleLoop, MuscleLoop],
+        loops: tuple[MuscleLoop, ...],
         setup: JointSetup,
         rows: CycleRows,
         state: Any,
@@ -98,12 +96,22 @@ class JointChannel:
         self.models, self.loops = models, loops
         self._setup, self._state = setup, state
         place = models.joint.place
-        self._x, self._k = rows.x[place], rows.k[place]
+        self._w, self._x, self._k = rows.w[place], rows.x[place], rows.k[place]
         self._sinking_from: Pair | None = None  # desired pressures when the lowering began [Pa]
         self._law_telemetry: LawTelemetry | None = None  # of a law that plans by itself
         self._telemetry = JointTelemetry()
         self._stand()
-        self._k[K_DESIRED_A] = self._k[K_DESIRED_B] = math.nan
+        self._desire((math.nan,) * len(loops))
+
+    @property
+    def _desired(self) -> Pair:
+        """Desired pressures of the muscles [Pa]."""
+        first, second = self._w
+        return float(first[W_DESIRED]), float(second[W_DESIRED])
+
+    def _desire(self, pressures: Sequence[float]) -> None:
+        for muscle, pressure in zip(self._w, pressures, strict=True):
+            muscle[W_DESIRED] = pressure
 
     def _stand(self) -> None:
         """No motion was measured."""
@@ -185,7 +193,7 @@ class JointChannel:
         for loop in self.loops:
             loop.reset()
         self._state = self._setup.law.rest(self.models, self._state)
-        self._k[K_DESIRED_A], self._k[K_DESIRED_B] = pressures
+        self._desire(pressures)
         self._begin(position)
 
     def begin_again(self) -> None:
@@ -215,7 +223,7 @@ class JointChannel:
         setup = self._setup
         return Start(
             position,
-            (float(self._k[K_DESIRED_A]), float(self._k[K_DESIRED_B])),
+            self._desired,
             setup.settings,
             self.gains,
             setup.adapts,
@@ -259,10 +267,7 @@ class JointChannel:
             Which the reference keeps.
         """
         setup, x = self._setup, [float(number) for number in self._x]
-        seen, now, first, second = (
-            Moment(x[at], JointReference(*x[at + 1 : at + 4]))
-            for at in (X_SEEN, X_NOW, X_ACTS_A, X_ACTS_B)
-        )
+        first, second = ([float(number) for number in row] for row in self._w)
         request = PlanRequest(
             step,
             setup.settings,
@@ -273,21 +278,22 @@ class JointChannel:
             torque,
             self.motion,
             x[X_FRESH],
-            (x[X_PRESSURE_A], x[X_PRESSURE_A + 1]),
-            (x[X_DESIRED_A], x[X_DESIRED_A + 1]),
+            (first[W_PRESSURE], second[W_PRESSURE]),
+            (first[W_DESIRED], second[W_DESIRED]),
             x[X_MEASURED_AT],
-            seen,
-            now,
-            (first, second),
+            Moment.at(x, X_SEEN),
+            Moment.at(x, X_NOW),
+            (Moment.at(first, W_ACTS), Moment.at(second, W_ACTS)),
             limits,
             setup.adapts,
             setup.learner,
         )
         plan, self._state = setup.law.plan(self.models, self._state, request)
         self._law_telemetry = plan.telemetry
-        self._x[X_REFERENCE_A : X_NEW_INTEGRAL + 1] = [
-            *plan.reference, *plan.rate, *plan.ahead, *plan.velocities, plan.missed, plan.integral,
-        ]  # fmt: skip
+        columns = zip(plan.reference, plan.rate, plan.ahead, plan.velocities, strict=True)
+        for muscle, planned in zip(self._w, columns, strict=True):
+            muscle[W_REFERENCE : W_SPEED + 1] = planned
+        self._x[X_MISSED], self._x[X_NEW_INTEGRAL] = plan.missed, plan.integral
         self._x[X_TORQUE_LIMITED] = float("torque" in plan.telemetry.clipped)
 
     def sink(self, share: float | None) -> None:
@@ -299,18 +305,18 @@ class JointChannel:
             self._sinking_from = None
             return
         if self._sinking_from is None:
-            self._sinking_from = (float(self._k[K_DESIRED_A]), float(self._k[K_DESIRED_B]))
-        first, second = self._sinking_from
-        self._x[X_REFERENCE_A], self._x[X_REFERENCE_A + 1] = share * first, share * second
-        self._x[X_RATE_A : X_SPEED_B + 1] = [0.0] * (X_SPEED_B + 1 - X_RATE_A)
+            self._sinking_from = self._desired
+        for muscle, pressure in zip(self._w, self._sinking_from, strict=True):
+            muscle[W_REFERENCE : W_SPEED + 1] = share * pressure, 0.0, 0.0, 0.0
         self._x[X_MISSED], self._x[X_NEW_INTEGRAL] = 0.0, self.integral
         self._x[X_TORQUE_LIMITED] = 0.0
         self._law_telemetry = self._telemetry.law._replace(clipped=())
 
-    def tell(self, x: list[float], k: list[float]) -> None:
-        """Keep the telemetry of a cycle, from the joint's rows."""
-        law = self._law_telemetry
+    def tell(self, w: list[list[float]], x: list[float], k: list[float]) -> None:
+        """Keep the telemetry of a cycle, from the rows of the joint and its muscles."""
+        law, unexplained = self._law_telemetry, math.nan
         if law is None:
+            unexplained = x[X_UNEXPLAINED]
             law = LawTelemetry(
                 x[X_TORQUE],
                 x[X_STIFFNESS],
@@ -329,10 +335,11 @@ class JointChannel:
             JointReference(x[X_SEEN + 1], x[X_SEEN + 2], x[X_SEEN + 3]),
             MeasuredMotion(k[K_POSITION], k[K_VELOCITY], k[K_TIME]),
             k[K_SEEN_ERROR],
-            (k[K_DESIRED_A], k[K_DESIRED_B]),
+            (w[0][W_DESIRED], w[1][W_DESIRED]),
             clipped,
-            self.loops[0].behind_tube + self.loops[1].behind_tube,
+            sum(loop.behind_tube for loop in self.loops),
             law,
+            unexplained,
         )
 
 

@@ -19,6 +19,7 @@ import numpy as np
 from pam_control.feedback.gain_schedule import gains_at
 from pam_control.feedback.pid import (
     F_INTEGRAL,
+    G_OBSERVER,
     N_FEEDBACK,
     N_GAINS,
     integrate,
@@ -39,11 +40,15 @@ from pam_control.rows.loop_rows import (
 )
 from pam_control.rows.plan_rows import (
     N_CYCLE,
-    X_ACTS_A,
-    X_ACTS_B,
-    X_AHEAD_A,
-    X_DESIRED_A,
-    X_DESIRED_B,
+    N_MUSCLE,
+    W_ACTS,
+    W_AHEAD,
+    W_DELAY,
+    W_DESIRED,
+    W_PRESSURE,
+    W_RATE,
+    W_REFERENCE,
+    W_SPEED,
     X_FRESH,
     X_INTEGRAL,
     X_MEASURED_AT,
@@ -53,33 +58,28 @@ from pam_control.rows.plan_rows import (
     X_OBSERVER,
     X_OUTPUT,
     X_POSITION,
-    X_PRESSURE_A,
-    X_PRESSURE_B,
-    X_RATE_A,
-    X_REFERENCE_A,
     X_SEEN,
-    X_SPEED_A,
     X_TORQUE_LIMITED,
     X_VELOCITY,
 )
 from pam_model.plant.compiled import entry_point, for_kernel
 
-(U_SPEED_FILTER, U_INTEGRAL_LIMIT, U_PRESSURE_RATE, U_ACTS_A, U_ACTS_B, U_POSITION_DELAY,
- U_PRESSURE_LAG, U_SCHEDULED) = range(8)  # fmt: skip
-U_SCHEDULE: Final = 8
+(U_SPEED_FILTER, U_INTEGRAL_LIMIT, U_PRESSURE_RATE, U_POSITION_DELAY, U_PRESSURE_LAG,
+ U_SCHEDULED) = range(6)  # fmt: skip
+U_SCHEDULE: Final = 6
 """Settings of a joint: filter of the speed [s]; limit of the integral; largest rate of the desired
-pressures [Pa/s]; time until each valve acts, delay of the position and lag of the pressures by the
-rig file [s]; number of scheduled gains, which follow: the stiffness, and `G_PROPORTIONAL` and its
-like."""
-(K_POSITION, K_VELOCITY, K_TIME, K_DESIRED_A, K_DESIRED_B, K_STIFFNESS, K_DELAY, K_SEEN_POSITION,
- K_SEEN_ERROR, K_RATE_LIMITED, K_VALVE_LIMITED) = range(11)  # fmt: skip
-K_GAINS: Final = 11
+pressures [Pa/s]; delay of the position and lag of the pressures by the rig file [s]; number of
+scheduled gains, which follow: the stiffness, and `G_PROPORTIONAL` and its like."""
+(K_POSITION, K_VELOCITY, K_TIME, K_STIFFNESS, K_DELAY, K_SEEN_POSITION, K_SEEN_ERROR,
+ K_RATE_LIMITED, K_VALVE_LIMITED) = range(9)  # fmt: skip
+K_GAINS: Final = 9
 K_FEEDBACK: Final = K_GAINS + N_GAINS
 N_STATE: Final = K_FEEDBACK + N_FEEDBACK
 """State of a joint: position [rad], filtered speed [rad/s] and time [s] of the last measurement;
-desired pressures [Pa]; stiffness by which gains are scheduled [N m/rad]; learnt delay of the
-position, negative if it is that of the pressures [s]; measured position and error of this cycle
-[rad]; whether the rate of the pressures, and a valve, was limited; gains; state of the feedback."""
+stiffness by which gains are scheduled [N m/rad]; learnt delay of the position, negative if it is
+that of the pressures [s]; measured position and error of this cycle [rad]; whether the rate of the
+pressures, and a valve, was limited; gains; state of the feedback. Its desired pressures are
+`plan_rows.W_DESIRED`."""
 
 
 def take_position(k: Any, position: float, time: float, speed_filter: float) -> float:
@@ -96,30 +96,30 @@ def take_position(k: Any, position: float, time: float, speed_filter: float) -> 
     return float(step)
 
 
-def look_up(x: Any, at: int, time: float, history: Any, ends: Any, joint: int) -> None:
+def look_up(row: Any, at: int, time: float, history: Any, ends: Any, joint: int) -> None:
     """Write a time [s] and the reference at that time."""
-    x[at] = time
-    x[at + 1], x[at + 2], x[at + 3] = reference_at(history, ends, joint, time)
+    row[at] = time
+    row[at + 1], row[at + 2], row[at + 3] = reference_at(history, ends, joint, time)
 
 
-def copy_moment(x: Any, at: int, other: int) -> None:
-    """Write a moment that is the same as another one."""
+def copy_moment(row: Any, at: int, other: Any, other_at: int) -> None:
+    """Write a moment that is the same as one of another row."""
     for place in range(4):
-        x[at + place] = x[other + place]
+        row[at + place] = other[other_at + place]
 
 
 @entry_point
 def sense(
-    pairs: Any, x: Any, k: Any, u: Any, d: Any, v: Any, history: Any, ends: Any, positions: Any,
-    time: float, position_time: float, measured_at: float, measurement_delay: float,
+    owned: Any, w: Any, x: Any, k: Any, u: Any, d: Any, v: Any, history: Any, ends: Any,
+    positions: Any, time: float, position_time: float, measured_at: float, measurement_delay: float,
 ) -> None:  # fmt: skip
     """Write the input of all plans: moments, measured motion, output of the feedback.
 
     Parameters
     ----------
-    pairs, x, k, u, d, v, history, ends : rows
-        Muscles of joints (`muscle_table`), cycle, state and settings of joints, demands and state
-        of pressure loops, references.
+    owned, w, x, k, u, d, v, history, ends : rows
+        Muscles of joints (`muscle_table`) and their plan, cycle, state and settings of joints,
+        demands and state of pressure loops, references.
     positions : (n,) array
         Measured [rad].
     time, position_time, measured_at, measurement_delay : float
@@ -129,63 +129,61 @@ def sense(
     for i in range(len(x)):
         f, delay = K_FEEDBACK, k[i][K_DELAY]
         late = max(-delay, 0.0)
-        a, b = pairs[i][0], pairs[i][1]
-        first, second = max(v[a][V_DELAY] - late, 0.0), max(v[b][V_DELAY] - late, 0.0)
         now_at = measured_at - u[i][U_PRESSURE_LAG] - late
         seen_at = position_time - measurement_delay - u[i][U_POSITION_DELAY] - max(delay, 0.0)
         look_up(x[i], X_NOW, now_at, history, ends, i)
         if seen_at == now_at:
-            copy_moment(x[i], X_SEEN, X_NOW)
+            copy_moment(x[i], X_SEEN, x[i], X_NOW)
         else:
             look_up(x[i], X_SEEN, seen_at, history, ends, i)
-        look_up(x[i], X_ACTS_A, time + u[i][U_ACTS_A] + first, history, ends, i)
-        acts = time + u[i][U_ACTS_B] + second
-        if acts == x[i][X_ACTS_A]:
-            copy_moment(x[i], X_ACTS_B, X_ACTS_A)
-        else:
-            look_up(x[i], X_ACTS_B, acts, history, ends, i)
+        for m in range(len(w[i])):
+            loop, muscle = owned[i][m], w[i][m]
+            muscle[W_PRESSURE] = d[loop][D_PRESSURE]
+            acts = time + muscle[W_DELAY] + max(v[loop][V_DELAY] - late, 0.0)
+            if m > 0 and acts == w[i][0][W_ACTS]:
+                copy_moment(muscle, W_ACTS, w[i][0], W_ACTS)
+            else:
+                look_up(muscle, W_ACTS, acts, history, ends, i)
         fresh = take_position(k[i], positions[i], position_time, u[i][U_SPEED_FILTER])
         error = x[i][X_SEEN + 1] - positions[i]
         gains_at(u[i], U_SCHEDULE, u[i][U_SCHEDULED], k[i][K_STIFFNESS], k[i], K_GAINS)
         x[i][X_OUTPUT] = pid_output(k[i], f, K_GAINS, error, fresh)
         x[i][X_INTEGRAL] = k[i][f + F_INTEGRAL]
-        x[i][X_OBSERVER] = k[i][K_GAINS + 4]
+        x[i][X_OBSERVER] = k[i][K_GAINS + G_OBSERVER]
         x[i][X_POSITION], x[i][X_VELOCITY] = k[i][K_POSITION], k[i][K_VELOCITY]
         x[i][X_FRESH], x[i][X_MEASURED_AT] = fresh, measured_at
-        x[i][X_PRESSURE_A], x[i][X_PRESSURE_B] = d[a][D_PRESSURE], d[b][D_PRESSURE]
-        x[i][X_DESIRED_A], x[i][X_DESIRED_B] = k[i][K_DESIRED_A], k[i][K_DESIRED_B]
         k[i][K_SEEN_POSITION], k[i][K_SEEN_ERROR] = positions[i], error
 
 
 @entry_point
-def demand(pairs: Any, x: Any, k: Any, u: Any, d: Any, step: float) -> None:
+def demand(owned: Any, w: Any, x: Any, k: Any, u: Any, d: Any, step: float) -> None:
     """Write what the pressure loops have to do for the plans of all joints."""
     for i in range(len(x)):
         k[i][K_FEEDBACK + F_INTEGRAL] = x[i][X_NEW_INTEGRAL]
         reach = u[i][U_PRESSURE_RATE] * step
         is_limited = False
-        for side in range(2):
-            wanted, before = x[i][X_REFERENCE_A + side], k[i][K_DESIRED_A + side]
+        for m in range(len(w[i])):
+            muscle, row = w[i][m], d[owned[i][m]]
+            wanted, before = muscle[W_REFERENCE], muscle[W_DESIRED]
             desired = limited(wanted, before - reach, before + reach)
             is_limited = is_limited or desired != wanted
-            k[i][K_DESIRED_A + side] = desired
-            ahead = x[i][(X_ACTS_A if side == 0 else X_ACTS_B) + 1] - x[i][X_SEEN + 1]
-            row = d[pairs[i][side]]
-            row[D_REFERENCE], row[D_RATE] = desired, x[i][X_RATE_A + side]
-            row[D_AHEAD] = x[i][X_AHEAD_A + side]
-            row[D_POSITION] = k[i][K_SEEN_POSITION] + ahead
-            row[D_SPEED] = x[i][X_SPEED_A + side]
+            muscle[W_DESIRED] = row[D_REFERENCE] = desired
+            row[D_RATE], row[D_AHEAD] = muscle[W_RATE], muscle[W_AHEAD]
+            moved = muscle[W_ACTS + 1] - x[i][X_SEEN + 1]
+            row[D_POSITION], row[D_SPEED] = k[i][K_SEEN_POSITION] + moved, muscle[W_SPEED]
         k[i][K_RATE_LIMITED] = 1.0 if is_limited else 0.0
 
 
 @entry_point
-def settle(pairs: Any, x: Any, k: Any, u: Any, cut: Any, step: float, sinks: bool) -> None:
+def settle(owned: Any, x: Any, k: Any, u: Any, cut: Any, step: float, sinks: bool) -> None:
     """Advance the integrals of all joints after their valves were commanded.
 
     `cut` is 1 for each valve that was limited; `sinks`: the air is let out slowly.
     """
     for i in range(len(x)):
-        is_cut = cut[pairs[i][0]] + cut[pairs[i][1]] > 0.0
+        is_cut = False
+        for m in range(len(owned[i])):
+            is_cut = is_cut or cut[owned[i][m]] > 0.0
         k[i][K_VALVE_LIMITED] = 1.0 if is_cut else 0.0
         # a stiffness out of reach costs no torque, so that the integrator may go on
         saturated = is_cut or k[i][K_RATE_LIMITED] > 0.0 or x[i][X_TORQUE_LIMITED] > 0.0
@@ -196,19 +194,20 @@ def settle(pairs: Any, x: Any, k: Any, u: Any, cut: Any, step: float, sinks: boo
 
 
 @entry_point
-def longest_delay(pairs: Any, k: Any, v: Any) -> float:
+def longest_delay(owned: Any, k: Any, v: Any) -> float:
     """Longest learnt delay of a command, in addition to the stated ones [s]."""
     longest = 0.0
     for i in range(len(k)):
         late = max(-k[i][K_DELAY], 0.0)
-        for side in range(len(pairs[i])):
-            longest = max(longest, v[pairs[i][side]][V_DELAY] - late)
+        for m in range(len(owned[i])):
+            longest = max(longest, v[owned[i][m]][V_DELAY] - late)
     return longest
 
 
-def new_cycle(joints: int) -> Any:
-    """Rows of a cycle, for a law that has none of its own."""
-    return for_kernel(np.zeros((joints, N_CYCLE)))
+def new_cycle(joints: int, muscles: int) -> tuple[Any, Any]:
+    """Rows of the muscles of joints, and of a cycle, for a law that has none of its own."""
+    rows = np.zeros((joints, muscles, N_MUSCLE)), np.zeros((joints, N_CYCLE))
+    return for_kernel(rows[0]), for_kernel(rows[1])
 
 
 class CycleRows:
@@ -216,30 +215,32 @@ class CycleRows:
 
     Parameters
     ----------
-    x : rows
-        Of the cycle (`plan_rows`), one for each joint.
+    w, x : rows
+        Of the muscles of each joint, and of the cycle (`plan_rows`).
 
     Attributes
     ----------
-    x, k, u
-        Cycle, state and settings of the joints.
+    w, x, k, u
+        Muscles, cycle, state and settings of the joints.
     """
 
-    def __init__(self, x: Any) -> None:
-        self.x = x
+    def __init__(self, w: Any, x: Any) -> None:
+        self.w, self.x = w, x
         self.k = for_kernel(np.zeros((len(x), N_STATE)))
         self.u = for_kernel(np.zeros((len(x), U_SCHEDULE)))
 
     def use(self, setups: Sequence[JointSetup], joints: Sequence[JointModels]) -> None:
         """Use other settings from the next cycle on."""
         rows = []
-        for setup, models in zip(setups, joints, strict=True):
+        for muscles, setup, models in zip(self.w, setups, joints, strict=True):
             schedule = setup.gains.row
+            for muscle, delay in zip(muscles, setup.acting_delays, strict=True):
+                muscle[W_DELAY] = delay
             rows.append(
                 [
                     setup.settings.derivative_filter, setup.integral_limit,
-                    setup.settings.pressure_rate, *setup.acting_delays, models.position_delay,
-                    models.pressure_lag, len(setup.gains.stiffnesses), *schedule,
+                    setup.settings.pressure_rate, models.position_delay, models.pressure_lag,
+                    len(setup.gains.stiffnesses), *schedule,
                 ]
             )  # fmt: skip
         width = max(map(len, rows))

@@ -34,8 +34,6 @@ from pam_control.rows.plan_rows import (
     Y_SPEED,
 )
 
-Pair = tuple[float, float]
-
 
 def begin_observer(y: Any, lost: float, limit: float) -> float:
     """Begin with a joint at rest that loses this torque [N m]; return the part in the limit."""

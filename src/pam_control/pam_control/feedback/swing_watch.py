@@ -1,4 +1,4 @@
-"""Watches the error of a joint, at rest and in motion, for swings too small for `loop_watch`.
+"""Watches the error of a joint, at rest and in motion, for swings too small for `motion_watch`.
 
 A loop with more delay than its gains bear, with a tube before a muscle, or with dry friction and an
 integral, may swing about its reference with an amplitude of some milliradians, whose speed is far
@@ -18,6 +18,13 @@ In motion, dry friction ends every swing where the joint stops, however fast the
 it goes on without turning back. Where the breakaway is soft, it hardly stands, and its cycle
 resembles a sine. The swings of a linear loop know nothing of the speed that they are added to: they
 turn the joint back, or do not stop it.
+
+Where friction only slows the joint down, the torques tell: those that the model does not explain
+take energy from the joint all the time. The work that they take, divided by the way, is the torque
+of the friction. A joint without it swings because it is driven late: the torques of its inertia
+give back in one half of a swing what they take in the other. Friction is a possible cause if its
+torque is larger than those with which the joint swings. A delay remains another one: friction that
+does not change with the speed does not damp the swings of a joint that moves on.
 
 Sources: K. J. Astrom and T. Hagglund, Advanced PID Control, ISA 2006, section 10.5 (detection of
 oscillating loops by the areas between zero crossings, and stiction by their shape; here by turning
@@ -40,6 +47,7 @@ import numpy as np
 import numpy.typing as npt
 
 SWINGS: Final = 4  # this many equal ones in a row are an oscillation
+CYCLE: Final = 2  # swings, which tell the cause where another watch has seen an oscillation
 LEAST: Final = 3e-3  # rad, from one turning point to the next; smaller ones are harmless
 TURN: Final = 1e-3  # rad back from the farthest place make a turning point
 SHORTEST, LONGEST = 0.025, 1.7  # s, duration of a swing: 20 to 0.3 Hz
@@ -52,6 +60,8 @@ STANDS: Final = 0.2  # of the longest way in a part; with a shorter one the join
 STUCK: Final = 0.4  # share of the parts in which it stands, by which a joint sticks
 STOPS: Final = 0.08  # of the longest way in a quarter of a cycle, on which a joint stops
 KEPT: Final = 4.0 * LONGEST  # s
+
+Array = npt.NDArray[np.float64]
 
 
 class Reversals:
@@ -105,12 +115,15 @@ class Swings(NamedTuple):
         Whether the references rested.
     sticks : bool
         Whether the joint moves as one that sticks.
+    rubs : bool
+        Whether friction takes more torque than the swings have.
     """
 
     size: float
     frequency: float
     rests: bool
     sticks: bool
+    rubs: bool = False
 
 
 class SwingWatch:
@@ -127,10 +140,16 @@ class SwingWatch:
         self._reached = self._turned = 0.0  # when they were reached
         self._changes, self._rests = 0, True
         self._swings: deque[Swing] = deque(maxlen=SWINGS)
-        self._places: deque[tuple[float, float]] = deque()
+        self._places: deque[tuple[float, float, float]] = deque()
 
     def update(
-        self, time: float, error: float, position: float, changes: int, rests: bool
+        self,
+        time: float,
+        error: float,
+        position: float,
+        changes: int,
+        rests: bool,
+        torque: float = math.nan,
     ) -> Swings | None:
         """Take a cycle.
 
@@ -146,6 +165,8 @@ class SwingWatch:
             Of all references in this cycle.
         rests : bool
             Whether all references rest.
+        torque : float, optional
+            Of the muscles, beside that of the model without inertia [N m]; NaN if it is not known.
 
         Returns
         -------
@@ -155,7 +176,7 @@ class SwingWatch:
         self._since = min(self._since, time)
         if time - self._since < SETTLES:
             return None
-        self._places.append((time, position))
+        self._places.append((time, position, torque))
         if self._places[0][0] < time - KEPT:
             self._places.popleft()
         self._changes += changes
@@ -181,9 +202,13 @@ class SwingWatch:
         self._changes, self._rests = 0, rests
         return self._seen()
 
-    def _seen(self) -> Swings | None:
-        swings = self._swings
-        if len(swings) < SWINGS or any(
+    def last_cycle(self) -> Swings | None:
+        """The last cycle if it was one of an oscillation, which may grow."""
+        return self._seen(CYCLE)
+
+    def _seen(self, count: int = SWINGS) -> Swings | None:
+        swings = list(self._swings)[-count:]
+        if len(swings) < count or any(
             swing.size < LEAST or not SHORTEST <= swing.duration <= LONGEST for swing in swings
         ):
             return None
@@ -196,25 +221,42 @@ class SwingWatch:
             all(_even(*pair, UNEVEN) for pair in pairwise(durations))
             or (
                 not rests
+                and count > CYCLE
                 and all(_even(durations[way], durations[way + 2], UNEQUAL) for way in (0, 1))
             )
         ):
             return None
         lasted = sum(durations)
-        return Swings(sizes[-1], SWINGS / (2.0 * lasted), rests, self._sticks(lasted, rests))
-
-    def _sticks(self, lasted: float, rests: bool) -> bool:
-        """Whether a joint at rest stood for most of the last time [s], or one in motion stopped."""
-        begin = self._turned - lasted
-        times, places = zip(*self._places, strict=True)
-        at = np.linspace(begin, self._turned, SWINGS * PARTS + 1)
+        times, places, torques = np.array(self._places).T
+        at = np.linspace(self._turned - lasted, self._turned, count * PARTS + 1)
         ways = np.diff(np.interp(at, times, places))
-        if not rests:
-            return _stops(ways.reshape(-1, 2 * PARTS))
-        return float(np.mean(np.abs(ways) < STANDS * np.abs(ways).max())) > STUCK
+        during = (times >= at[0]) & (times <= at[-1])
+        return Swings(
+            sizes[-1],
+            count / (2.0 * lasted),
+            rests,
+            _sticks(ways, rests),
+            _rubs(places[during], torques[during]),
+        )
 
 
-def _stops(ways: npt.NDArray[np.float64]) -> bool:
+def _sticks(ways: Array, rests: bool) -> bool:
+    """Whether a joint at rest stood for most of the time, or one in motion stopped.
+
+    `ways` [rad] are those of equal parts of the time, `PARTS` of each swing.
+    """
+    if not rests:
+        return _stops(ways.reshape(-1, 2 * PARTS))
+    return float(np.mean(np.abs(ways) < STANDS * np.abs(ways).max())) > STUCK
+
+
+def _rubs(places: Array, torques: Array) -> bool:
+    """Whether the torques [N m] take more from a joint along its places [rad] than they swing."""
+    ways = np.diff(places)
+    return float(torques[1:] @ ways) > float(np.std(torques)) * float(np.abs(ways).sum())
+
+
+def _stops(ways: Array) -> bool:
     """Whether a joint stops in each cycle and does not turn back; ways (cycles, parts) [rad]."""
     onward = ways * np.sign(ways.sum())
     quarters = np.lib.stride_tricks.sliding_window_view(onward, PARTS // 2, axis=1).sum(axis=2)

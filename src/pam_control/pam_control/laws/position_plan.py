@@ -31,21 +31,15 @@ from pam_control.rows.plan_rows import (
     A_DELAY,
     A_FRICTION,
     A_KNOWS,
-    J_HIGH_A,
-    J_HIGH_B,
     J_IN_CLOSED_FORM,
     J_KEPT,
     J_LAG,
-    J_LOW_A,
-    J_LOW_B,
-    J_MOST_A,
-    J_MOST_B,
     J_POSITION_HIGH,
     J_POSITION_LOW,
-    P_A,
-    P_B,
     P_KNOWN,
+    P_MEASURED,
     P_MEMORY,
+    P_PRESSURES,
     P_STIFFNESS,
     S_ADAPTATION_LIMIT,
     S_ADAPTS,
@@ -53,23 +47,30 @@ from pam_control.rows.plan_rows import (
     S_OBSERVER_LIMIT,
     S_SPEED_FILTER,
     S_STIFFNESS_RATE,
-    X_ACTS_A,
-    X_ACTS_B,
+    W_ACTS,
+    W_AHEAD,
+    W_AT_SEEN,
+    W_BEFORE,
+    W_DESIRED,
+    W_HIGH,
+    W_LAGGING,
+    W_LOW,
+    W_MOST,
+    W_PLANNED,
+    W_PRESSURE,
+    W_RATE,
+    W_REACHED,
+    W_REFERENCE,
+    W_SHIFT,
+    W_SHOWN,
+    W_SPEED,
     X_ADDED,
-    X_AHEAD_A,
-    X_AHEAD_B,
     X_ASKED_POSITION,
     X_ASKED_STIFFNESS,
     X_ASKED_TORQUE,
-    X_AT_SEEN_A,
-    X_AT_SEEN_B,
     X_BASE,
-    X_BEFORE_A,
-    X_BEFORE_B,
     X_BESIDE,
     X_CORRECTION,
-    X_DESIRED_A,
-    X_DESIRED_B,
     X_DISTURBANCE,
     X_ESTIMATE_DUE,
     X_FACTOR,
@@ -78,8 +79,6 @@ from pam_control.rows.plan_rows import (
     X_INTEGRAL,
     X_IS_DUE,
     X_KNOWN,
-    X_LAGGING_A,
-    X_LAGGING_B,
     X_LAGGING_INSIDE,
     X_LEARNT,
     X_LOST,
@@ -92,21 +91,9 @@ from pam_control.rows.plan_rows import (
     X_PAST_STIFFNESS,
     X_PLANNED_TORQUE,
     X_POSITION,
-    X_PRESSURE_A,
-    X_PRESSURE_B,
-    X_RATE_A,
-    X_RATE_B,
-    X_REACHED_A,
-    X_REACHED_B,
     X_REACHED_STIFFNESS,
     X_REACHED_TORQUE,
-    X_REFERENCE_A,
-    X_REFERENCE_B,
     X_SEEN,
-    X_SHIFT_A,
-    X_SHIFT_B,
-    X_SPEED_A,
-    X_SPEED_B,
     X_STIFFNESS,
     X_STIFFNESS_LIMITED,
     X_TORQUE,
@@ -115,14 +102,13 @@ from pam_control.rows.plan_rows import (
     X_TORQUE_LIMITED,
     X_TORQUE_SEEN,
     X_TRUE_STIFFNESS,
+    X_UNEXPLAINED,
     X_USUAL,
     X_VELOCITY,
     X_WANTED,
     Y_ADAPTED,
     Y_LAGGING,
     Y_LAGGING_SPEED,
-    Y_SHOWN_A,
-    Y_SHOWN_B,
     Y_SINCE_ESTIMATE,
     Y_STIFFNESS,
 )
@@ -149,38 +135,42 @@ def inside(j: Any, position: float) -> float:
     return limited(position, j[J_POSITION_LOW], j[J_POSITION_HIGH])
 
 
-def reach(c: Any, j: Any, x: Any, table: Any) -> None:
+def reach(c: Any, j: Any, w: Any, x: Any, table: Any) -> None:
     """Find the pressures for what is asked for, of muscles in closed form."""
     a, b, torque, stiffness, cut, soft = pressures_for(
         c, table, inside(j, x[X_ASKED_POSITION]), x[X_ASKED_TORQUE], x[X_ASKED_STIFFNESS],
-        j[J_LOW_A], j[J_HIGH_A], j[J_LOW_B], j[J_HIGH_B],
+        w[0][W_LOW], w[0][W_HIGH], w[1][W_LOW], w[1][W_HIGH],
     )  # fmt: skip
-    x[X_REACHED_A], x[X_REACHED_B] = a, b
+    w[0][W_REACHED], w[1][W_REACHED] = a, b
     x[X_REACHED_TORQUE], x[X_REACHED_STIFFNESS] = torque, stiffness
     x[X_TORQUE_LIMITED], x[X_STIFFNESS_LIMITED] = 1.0 if cut else 0.0, 1.0 if soft else 0.0
 
 
-def needed_torque(c: Any, x: Any, at: int) -> float:
-    """Torque [N m] for the reference in a row from a place on, without dry friction."""
-    return motion_torque(c, x[at], x[at + 1], x[at + 2])
+def needed_torque(c: Any, row: Any, at: int) -> float:
+    """Torque [N m] for the reference of a moment in a row, without dry friction."""
+    return motion_torque(c, row[at + 1], row[at + 2], row[at + 3])
 
 
-def later_act(x: Any) -> int:
-    """Where the moment is at which the later valve acts."""
-    return X_ACTS_A if x[X_ACTS_A] >= x[X_ACTS_B] else X_ACTS_B
+def last_to_act(w: Any) -> int:
+    """The muscle whose valve acts last."""
+    last = 0
+    for k in range(1, len(w)):
+        if w[k][W_ACTS] > w[last][W_ACTS]:
+            last = k
+    return last
 
 
 def observe(
-    c: Any, j: Any, s: Any, x: Any, y: Any, a: Any, memory: Any, plans: Any, plan_ends: Any,
+    c: Any, j: Any, s: Any, w: Any, x: Any, y: Any, a: Any, memory: Any, plans: Any, plan_ends: Any,
     samples: Any, sample_ends: Any,
 ) -> None:  # fmt: skip
     """Pressures at the time of the position; torques that are known and learnt."""
     if s[S_ADAPTS] > 0.0 or x[X_OBSERVER] > 0.0:
-        measure(samples, sample_ends, x[X_MEASURED_AT], x[X_PRESSURE_A], x[X_PRESSURE_B], j[J_KEPT])
+        measure(samples, sample_ends, x[X_MEASURED_AT], w, W_PRESSURE, j[J_KEPT])
     x[X_INSIDE] = inside(j, x[X_POSITION])
     if x[X_OBSERVER] > 0.0:
-        x[X_AT_SEEN_A] = value_at(samples, sample_ends, x[X_SEEN], P_A, 1.0)
-        x[X_AT_SEEN_B] = value_at(samples, sample_ends, x[X_SEEN], P_B, 1.0)
+        for k in range(len(w)):
+            w[k][W_AT_SEEN] = value_at(samples, sample_ends, x[X_SEEN], P_MEASURED + k, 1.0)
     if s[S_ADAPTS] > 0.0:
         # the motion with the lag of the pressure sensors, so that both fit
         if j[J_LAG] == 0.0 or math.isnan(y[Y_LAGGING]):
@@ -192,64 +182,60 @@ def observe(
         x[X_LAGGING_INSIDE] = inside(j, y[Y_LAGGING])
         # by the rig file, without the learnt delay
         at = x[X_SEEN] + max(a[A_DELAY], 0.0)
-        x[X_LAGGING_A] = value_at(samples, sample_ends, at, P_A, 1.0)
-        x[X_LAGGING_B] = value_at(samples, sample_ends, at, P_B, 1.0)
-        x[X_BEFORE_A] = value_at(samples, sample_ends, at - RATE_SPAN, P_A, 1.0)
-        x[X_BEFORE_B] = value_at(samples, sample_ends, at - RATE_SPAN, P_B, 1.0)
-    then = later_act(x)
-    time, position, velocity, push = x[then], x[then + 1], x[then + 2], x[then + 3]
-    before_a, before_b = x[X_DESIRED_A], x[X_DESIRED_B]
-    if plan_ends[1] > 0:
-        last = plans[newest(plans, plan_ends)]
-        before_a, before_b = last[P_A], last[P_B]
-    else:
-        y[Y_SHOWN_A], y[Y_SHOWN_B] = before_a, before_b
-    x[X_KNOWN] = history_torque(c, j, y, memory, time, position, velocity, push, before_a, before_b)
+        for k in range(len(w)):
+            field = P_MEASURED + k
+            w[k][W_LAGGING] = value_at(samples, sample_ends, at, field, 1.0)
+            w[k][W_BEFORE] = value_at(samples, sample_ends, at - RATE_SPAN, field, 1.0)
+    then = w[last_to_act(w)]
+    time, position, velocity = then[W_ACTS], then[W_ACTS + 1], then[W_ACTS + 2]
+    push = then[W_ACTS + 3]
+    for k in range(len(w)):
+        if plan_ends[1] > 0:
+            w[k][W_PLANNED] = plans[newest(plans, plan_ends)][P_PRESSURES + k]
+        else:
+            w[k][W_PLANNED] = w[k][W_SHOWN] = w[k][W_DESIRED]
+    x[X_KNOWN] = history_torque(c, j, w, y, memory, time, position, velocity, push)
     x[X_USUAL] = 0.0
     if s[S_ADAPTS] > 0.0:
         x[X_USUAL] = learnt_torque(y, a, time, position, velocity, push, s[S_ADAPTATION_LIMIT])
     x[X_BASE], x[X_CORRECTION] = x[X_USUAL], 0.0
 
 
-def measured_torques(c: Any, s: Any, x: Any, table: Any) -> None:
+def measured_torques(c: Any, s: Any, w: Any, x: Any, table: Any) -> None:
     """The torques of muscles in closed form at the measured pressures."""
     if x[X_OBSERVER] > 0.0:
-        x[X_TORQUE_SEEN] = muscles_torque(c, table, x[X_AT_SEEN_A], x[X_AT_SEEN_B], x[X_INSIDE])
+        x[X_TORQUE_SEEN] = muscles_torque(c, table, w, W_AT_SEEN, x[X_INSIDE])
     if s[S_ADAPTS] > 0.0:
         place = x[X_LAGGING_INSIDE]
-        x[X_TORQUE_LAGGING] = muscles_torque(c, table, x[X_LAGGING_A], x[X_LAGGING_B], place)
-        x[X_TORQUE_BEFORE] = muscles_torque(c, table, x[X_BEFORE_A], x[X_BEFORE_B], place)
+        x[X_TORQUE_LAGGING] = muscles_torque(c, table, w, W_LAGGING, place)
+        x[X_TORQUE_BEFORE] = muscles_torque(c, table, w, W_BEFORE, place)
 
 
-def ask_ahead(c: Any, x: Any, y: Any) -> None:
-    """Torque and stiffness for the time when the later valve acts."""
-    then = later_act(x)
+def ask_ahead(c: Any, w: Any, x: Any, y: Any) -> None:
+    """Torque and stiffness for the time when the last valve acts."""
+    then = w[last_to_act(w)]
     x[X_ADDED] = x[X_KNOWN] - x[X_BASE]
-    x[X_ASKED_TORQUE] = needed_torque(c, x, then + 1) - x[X_ADDED]
-    x[X_ASKED_STIFFNESS], x[X_ASKED_POSITION] = y[Y_STIFFNESS], x[then + 1]
+    x[X_ASKED_TORQUE] = needed_torque(c, then, W_ACTS) - x[X_ADDED]
+    x[X_ASKED_STIFFNESS], x[X_ASKED_POSITION] = y[Y_STIFFNESS], then[W_ACTS + 1]
 
 
 def plan_now(
-    c: Any, j: Any, s: Any, x: Any, y: Any, a: Any, plans: Any, ends: Any, step: float
+    c: Any, j: Any, s: Any, w: Any, x: Any, y: Any, a: Any, plans: Any, ends: Any, step: float
 ) -> None:
     """What the pressures of now lack, and what is learnt from it."""
-    then = later_act(x)
     now = x[X_NOW]
-    remember(
-        plans, ends, now, x[then], x[X_REACHED_A], x[X_REACHED_B], y[Y_STIFFNESS], x[X_ADDED],
-        x[X_KNOWN],
-    )  # fmt: skip
-    y[Y_SHOWN_A] = shown_pressure(plans, ends, y[Y_SHOWN_A], now, j[J_LAG], step, P_A)
-    y[Y_SHOWN_B] = shown_pressure(plans, ends, y[Y_SHOWN_B], now, j[J_LAG], step, P_B)
-    x[X_AHEAD_A] = planned_at(plans, ends, x[X_ACTS_A], P_A) - y[Y_SHOWN_A]
-    x[X_AHEAD_B] = planned_at(plans, ends, x[X_ACTS_B], P_B) - y[Y_SHOWN_B]
-    x[X_SHIFT_A] = y[Y_SHOWN_A] - planned_at(plans, ends, now, P_A)
-    x[X_SHIFT_B] = y[Y_SHOWN_B] - planned_at(plans, ends, now, P_B)
-    x[X_RATE_A] = planned_rate(plans, ends, x[X_ACTS_A], P_A)
-    x[X_RATE_B] = planned_rate(plans, ends, x[X_ACTS_B], P_B)
+    last = w[last_to_act(w)][W_ACTS]
+    remember(plans, ends, now, last, w, W_REACHED, y[Y_STIFFNESS], x[X_ADDED], x[X_KNOWN])
+    for k in range(len(w)):
+        muscle, field = w[k], P_PRESSURES + k
+        shown = shown_pressure(plans, ends, muscle[W_SHOWN], now, j[J_LAG], step, field)
+        muscle[W_SHOWN] = shown
+        muscle[W_AHEAD] = planned_at(plans, ends, muscle[W_ACTS], field) - shown
+        muscle[W_SHIFT] = shown - planned_at(plans, ends, now, field)
+        muscle[W_RATE] = planned_rate(plans, ends, muscle[W_ACTS], field)
     x[X_PAST_STIFFNESS] = planned_at(plans, ends, now, P_STIFFNESS)
     memory = planned_at(plans, ends, now, P_MEMORY)
-    torque = needed_torque(c, x, X_NOW + 1) - memory + x[X_OUTPUT] + x[X_CORRECTION]
+    torque = needed_torque(c, x, X_NOW) - memory + x[X_OUTPUT] + x[X_CORRECTION]
     torque += friction_change(c, x[X_SEEN + 2], x[X_VELOCITY])
     x[X_LOST] = math.nan
     if x[X_OBSERVER] > 0.0:
@@ -262,13 +248,15 @@ def plan_now(
         torque += x[X_LOST]
     x[X_PLANNED_TORQUE], x[X_LEARNT] = torque, 0.0
     x[X_IS_DUE] = x[X_ESTIMATE_DUE] = 0.0
+    x[X_UNEXPLAINED] = math.nan
     if s[S_ADAPTS] > 0.0:
         position, speed = y[Y_LAGGING], y[Y_LAGGING_SPEED]
         known = planned_at(plans, ends, x[X_SEEN], P_KNOWN)
         model = static_torque(c, position, speed)
         muscles = x[X_TORQUE_LAGGING]
+        x[X_UNEXPLAINED] = muscles + known - model
         is_due = take_torque(
-            a, x[X_FRESH], muscles + known - model, (muscles - x[X_TORQUE_BEFORE]) / RATE_SPAN,
+            a, x[X_FRESH], x[X_UNEXPLAINED], (muscles - x[X_TORQUE_BEFORE]) / RATE_SPAN,
             position, speed, s[S_SPEED_FILTER],
         )  # fmt: skip
         x[X_BESIDE] = known - model + gravity(c, position)
@@ -277,7 +265,7 @@ def plan_now(
         x[X_ESTIMATE_DUE] = 1.0 if y[Y_SINCE_ESTIMATE] >= ESTIMATE_EVERY else 0.0
 
 
-def aim_ahead(c: Any, s: Any, x: Any, y: Any, a: Any) -> None:
+def aim_ahead(c: Any, s: Any, w: Any, x: Any, y: Any, a: Any) -> None:
     """Torque and stiffness for now, with the feedforward."""
     integral, disturbance = x[X_INTEGRAL], -x[X_LOST]
     if s[S_ADAPTS] > 0.0:
@@ -292,27 +280,25 @@ def aim_ahead(c: Any, s: Any, x: Any, y: Any, a: Any) -> None:
     x[X_NEW_INTEGRAL], x[X_DISTURBANCE] = integral, disturbance
     x[X_ASKED_TORQUE], x[X_ASKED_STIFFNESS] = x[X_PLANNED_TORQUE], x[X_PAST_STIFFNESS]
     x[X_ASKED_POSITION] = x[X_NOW + 1]
-    x[X_SPEED_A], x[X_SPEED_B] = x[X_ACTS_A + 2], x[X_ACTS_B + 2]
+    for k in range(len(w)):
+        w[k][W_SPEED] = w[k][W_ACTS + 2]
 
 
-def aim_at_output(x: Any, y: Any) -> None:
+def aim_at_output(w: Any, x: Any, y: Any) -> None:
     """Torque and stiffness for now, without a feedforward."""
     x[X_NEW_INTEGRAL], x[X_DISTURBANCE] = x[X_INTEGRAL], math.nan
     x[X_ASKED_TORQUE], x[X_ASKED_STIFFNESS] = x[X_OUTPUT], y[Y_STIFFNESS]
     x[X_ASKED_POSITION] = x[X_POSITION]
-    for place in (X_RATE_A, X_RATE_B, X_AHEAD_A, X_AHEAD_B, X_SHIFT_A, X_SHIFT_B):
-        x[place] = 0.0
-    x[X_SPEED_A] = x[X_SPEED_B] = x[X_VELOCITY]
+    for k in range(len(w)):
+        w[k][W_RATE] = w[k][W_AHEAD] = w[k][W_SHIFT] = 0.0
+        w[k][W_SPEED] = x[X_VELOCITY]
 
 
-def planned(j: Any, x: Any, y: Any) -> None:
+def planned(w: Any, x: Any, y: Any) -> None:
     """The plan, when the pressures are known."""
-    a, b = x[X_REACHED_A], x[X_REACHED_B]
-    if x[X_SHIFT_A] != 0.0 or x[X_SHIFT_B] != 0.0:
-        # what a lagging sensor adds, within what may be asked for
-        a = limited(a + x[X_SHIFT_A], 0.0, j[J_MOST_A])
-        b = limited(b + x[X_SHIFT_B], 0.0, j[J_MOST_B])
-    x[X_REFERENCE_A], x[X_REFERENCE_B] = a, b
+    for k in range(len(w)):
+        # with what a lagging sensor adds, within what may be asked for
+        w[k][W_REFERENCE] = limited(w[k][W_REACHED] + w[k][W_SHIFT], 0.0, w[k][W_MOST])
     missed = x[X_REACHED_TORQUE] - x[X_ASKED_TORQUE]
     x[X_MISSED] = missed if x[X_TORQUE_LIMITED] > 0.0 else 0.0
     x[X_TORQUE], x[X_STIFFNESS] = x[X_ASKED_TORQUE], y[Y_STIFFNESS]
@@ -321,8 +307,8 @@ def planned(j: Any, x: Any, y: Any) -> None:
 
 @entry_point
 def plan_parts(
-    first: int, last: int, begin: int, end: int, step: float, c: Any, j: Any, s: Any, x: Any,
-    y: Any, a: Any, memory: Any, plans: Any, plan_ends: Any, samples: Any, sample_ends: Any,
+    first: int, last: int, begin: int, end: int, step: float, c: Any, j: Any, s: Any, w: Any,
+    x: Any, y: Any, a: Any, memory: Any, plans: Any, plan_ends: Any, samples: Any, sample_ends: Any,
 ) -> bool:  # fmt: skip
     """Go through parts of the plan for joints.
 
@@ -334,9 +320,9 @@ def plan_parts(
         The joints from `begin` to before `end`.
     step : float
         Time since the last cycle [s].
-    c, j, s, x, y, a, memory, plans, plan_ends, samples, sample_ends : rows
-        Of all joints: constants, numbers, settings, cycle, state, what is learnt, states of the
-        muscles, what was planned and what was measured.
+    c, j, s, w, x, y, a, memory, plans, plan_ends, samples, sample_ends : rows
+        Of all joints: constants, numbers, settings, muscles, cycle, state, what is learnt, states
+        of the muscles, what was planned and what was measured.
 
     Returns
     -------
@@ -352,25 +338,25 @@ def plan_parts(
             y[i][Y_STIFFNESS] += change
             if ahead:
                 observe(
-                    c[i], j[i], s[i], x[i], y[i], a[i], memory[i], plans[i], plan_ends[i],
+                    c[i], j[i], s[i], w[i], x[i], y[i], a[i], memory[i], plans[i], plan_ends[i],
                     samples[i], sample_ends[i],
                 )  # fmt: skip
                 if closed:
-                    measured_torques(c[i], s[i], x[i], c)
+                    measured_torques(c[i], s[i], w[i], x[i], c)
         if first <= AHEAD <= last and ahead:
-            ask_ahead(c[i], x[i], y[i])
+            ask_ahead(c[i], w[i], x[i], y[i])
             if closed:
-                reach(c[i], j[i], x[i], c)
+                reach(c[i], j[i], w[i], x[i], c)
         if first <= NOW <= last and ahead:
-            plan_now(c[i], j[i], s[i], x[i], y[i], a[i], plans[i], plan_ends[i], step)
+            plan_now(c[i], j[i], s[i], w[i], x[i], y[i], a[i], plans[i], plan_ends[i], step)
             is_due = is_due or x[i][X_IS_DUE] > 0.0 or x[i][X_ESTIMATE_DUE] > 0.0
         if first <= AIM <= last:
             if ahead:
-                aim_ahead(c[i], s[i], x[i], y[i], a[i])
+                aim_ahead(c[i], s[i], w[i], x[i], y[i], a[i])
             else:
-                aim_at_output(x[i], y[i])
+                aim_at_output(w[i], x[i], y[i])
             if closed:
-                reach(c[i], j[i], x[i], c)
+                reach(c[i], j[i], w[i], x[i], c)
         if first <= REACHED <= last:
-            planned(j[i], x[i], y[i])
+            planned(w[i], x[i], y[i])
     return is_due

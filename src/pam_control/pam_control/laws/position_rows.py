@@ -18,62 +18,61 @@ from pam_control.adaptation.torque_adaptation import TorqueAdaptation
 from pam_control.compensation.history_torque import begin_history
 from pam_control.feedback.disturbance_observer import begin_observer
 from pam_control.feedback.stuck_integral import begin_sticking
-from pam_control.joint_models import PRESSURE_SHARE, JointModels
+from pam_control.joint_models import PRESSURE_SHARE, JointModels, Pair
 from pam_control.laws.position_plan import AHEAD, AIM, NOW, OBSERVE, REACHED, plan_parts
 from pam_control.learning.motion_learner import MotionLearner
 from pam_control.limited import limited
-from pam_control.plan_memory import KEPT_BEFORE_MEASUREMENT, Rings, new_plans
+from pam_control.plan_memory import KEPT_BEFORE_MEASUREMENT, Rings
 from pam_control.rows.plan_rows import (
     J_HAS_HISTORY,
-    J_HIGH_A,
-    J_HIGH_B,
     J_IN_CLOSED_FORM,
     J_KEPT,
     J_LAG,
-    J_LOW_A,
-    J_LOW_B,
-    J_MOST_A,
-    J_MOST_B,
     J_POSITION_HIGH,
     J_POSITION_LOW,
     J_PRESLIDING,
     N_CYCLE,
     N_JOINT,
     N_LEARNING,
-    N_MEASURED,
+    N_MUSCLE,
     N_PLAN,
     N_SETTINGS,
+    P_MEASURED,
+    P_PRESSURES,
     S_ADAPTATION_LIMIT,
     S_ADAPTS,
     S_FEEDFORWARD,
     S_OBSERVER_LIMIT,
     S_SPEED_FILTER,
     S_STIFFNESS_RATE,
+    W_AT_SEEN,
+    W_BEFORE,
+    W_HIGH,
+    W_LAGGING,
+    W_LOW,
+    W_MOST,
+    W_REACHED,
     X_ASKED_POSITION,
     X_ASKED_STIFFNESS,
     X_ASKED_TORQUE,
-    X_AT_SEEN_A,
-    X_AT_SEEN_B,
     X_BASE,
-    X_BEFORE_A,
-    X_BEFORE_B,
     X_BESIDE,
     X_CORRECTION,
     X_ESTIMATE_DUE,
     X_INSIDE,
     X_IS_DUE,
-    X_LAGGING_A,
-    X_LAGGING_B,
     X_LAGGING_INSIDE,
     X_LEARNT,
     X_MEASURED_AT,
     X_OBSERVER,
     X_POSITION,
-    X_REACHED_A,
+    X_REACHED_STIFFNESS,
+    X_REACHED_TORQUE,
     X_SEEN,
     X_STIFFNESS_LIMITED,
     X_TORQUE_BEFORE,
     X_TORQUE_LAGGING,
+    X_TORQUE_LIMITED,
     X_TORQUE_SEEN,
     X_USUAL,
     Y_ADAPTED,
@@ -137,7 +136,7 @@ class PositionRows:
 
     Attributes
     ----------
-    c, j, s, x, y, a, memory
+    c, j, s, w, x, y, a, memory
         Rows of all joints, see `plan_parts`.
     plans, samples : Rings
         What was planned and what was measured.
@@ -152,11 +151,14 @@ class PositionRows:
         self.j = for_kernel(np.array([_numbers(m, c) for m, c in zip(joints, self.c, strict=True)]))
         self._open = [k for k, row in enumerate(self.j) if row[J_IN_CLOSED_FORM] == 0.0]
         self.s = for_kernel(np.zeros((count, N_SETTINGS)))
+        self.w = for_kernel(np.array([_muscles(models) for models in joints]))
         self.x = for_kernel(np.zeros((count, N_CYCLE)))
         self.y = for_kernel(np.zeros((count, N_PLAN)))
         self.a = for_kernel(np.zeros((count, N_LEARNING)))
-        self.memory = for_kernel(np.zeros((count, 2 * N_MUSCLE_STATES)))
-        self.plans, self.samples = new_plans(count), Rings(count, N_MEASURED)
+        muscles = len(self.w[0])
+        self.memory = for_kernel(np.zeros((count, muscles * N_MUSCLE_STATES)))
+        self.plans = Rings(count, P_PRESSURES + muscles)
+        self.samples = Rings(count, P_MEASURED + muscles)
         self.estimates = [
             Estimates.of(models, y, a) for models, y, a in zip(joints, self.y, self.a, strict=True)
         ]
@@ -168,7 +170,7 @@ class PositionRows:
     def _rows(self, begin: int, end: int, step: float) -> tuple[Any, ...]:
         """The arguments of `plan_parts` after the parts."""
         return (
-            begin, end, step, self.c, self.j, self.s, self.x, self.y, self.a, self.memory,
+            begin, end, step, self.c, self.j, self.s, self.w, self.x, self.y, self.a, self.memory,
             self.plans.rows, self.plans.ends, self.samples.rows, self.samples.ends,
         )  # fmt: skip
 
@@ -241,37 +243,39 @@ class PositionRows:
         if x[X_ESTIMATE_DUE] > 0.0:
             stiffness = estimates.stiffness
             stiffness.since = float(y[Y_SINCE_ESTIMATE])
-            aligned = float(x[X_LAGGING_A]), float(x[X_LAGGING_B])
+            aligned = self.column(place, W_LAGGING)
             stiffness.learn(0.0, aligned, float(x[X_LAGGING_INSIDE]), float(x[X_BESIDE]))
             y[Y_SINCE_ESTIMATE] = stiffness.since
         if x[X_IS_DUE] > 0.0:
             x[X_LEARNT] = estimates.adaptation.update()
+
+    def column(self, place: int, column: int) -> Pair:
+        """A column of the rows of a joint's muscles, such as `W_PRESSURE`."""
+        first, second = self.w[place]
+        return float(first[column]), float(second[column])
 
     def _measured_torques(self, place: int) -> None:
         x, s, model = self.x[place], self.s[place], self._joints[place].model
         if s[S_FEEDFORWARD] == 0.0:
             return
         if x[X_OBSERVER] > 0.0:
-            pair = float(x[X_AT_SEEN_A]), float(x[X_AT_SEEN_B])
+            pair = self.column(place, W_AT_SEEN)
             x[X_TORQUE_SEEN] = model.torque(*pair, float(x[X_INSIDE]))
         if s[S_ADAPTS] > 0.0:
-            pairs = (
-                (float(x[X_LAGGING_A]), float(x[X_LAGGING_B])),
-                (float(x[X_BEFORE_A]), float(x[X_BEFORE_B])),
-            )
+            pairs = self.column(place, W_LAGGING), self.column(place, W_BEFORE)
             x[X_TORQUE_LAGGING], x[X_TORQUE_BEFORE] = model.torques(
                 pairs, float(x[X_LAGGING_INSIDE])
             )
 
     def _reach(self, place: int) -> None:
-        x = self.x[place]
+        w, x = self.w[place], self.x[place]
         found = self._joints[place].model.pressures_for(
             float(x[X_ASKED_TORQUE]), float(x[X_ASKED_STIFFNESS]), float(x[X_ASKED_POSITION])
         )
-        x[X_REACHED_A : X_STIFFNESS_LIMITED + 1] = [
-            found.agonist, found.antagonist, found.torque, found.stiffness,
-            float(found.torque_limited), float(found.stiffness_limited),
-        ]  # fmt: skip
+        w[0][W_REACHED], w[1][W_REACHED] = found.agonist, found.antagonist
+        x[X_REACHED_TORQUE], x[X_REACHED_STIFFNESS] = found.torque, found.stiffness
+        x[X_TORQUE_LIMITED] = float(found.torque_limited)
+        x[X_STIFFNESS_LIMITED] = float(found.stiffness_limited)
 
     def _repeat(self, place: int, learner: MotionLearner) -> None:
         """The torque of the adaptation and the learnt correction for a repeated motion [N m]."""
@@ -289,12 +293,20 @@ def _numbers(models: JointModels, c: Any) -> list[float]:
     row = [0.0] * N_JOINT
     model = models.model
     row[J_POSITION_LOW], row[J_POSITION_HIGH] = model.position_range
-    row[J_LOW_A], row[J_HIGH_A] = model.agonist.low_pressure, model.agonist.high_pressure
-    row[J_LOW_B], row[J_HIGH_B] = model.antagonist.low_pressure, model.antagonist.high_pressure
-    row[J_MOST_A], row[J_MOST_B] = (PRESSURE_SHARE * m.max_pressure for m in models.muscles)
     row[J_LAG], row[J_PRESLIDING] = models.pressure_lag, models.dry_friction.presliding
     row[J_KEPT] = models.position_delay + KEPT_BEFORE_MEASUREMENT
     row[J_IN_CLOSED_FORM] = float(is_closed_form(c))
     remembers = any(muscle.laws(PullState) for muscle in models.muscles)
     row[J_HAS_HISTORY] = float(remembers or bool(models.dry_friction.laws))
     return row
+
+
+def _muscles(models: JointModels) -> list[list[float]]:
+    """The rows `W_LOW` and its like of the muscles of a joint."""
+    rows, statics = [], (models.model.agonist, models.model.antagonist)
+    for muscle, one in zip(models.muscles, statics, strict=True):
+        row = [0.0] * N_MUSCLE
+        row[W_LOW], row[W_HIGH] = one.low_pressure, one.high_pressure
+        row[W_MOST] = PRESSURE_SHARE * muscle.max_pressure
+        rows.append(row)
+    return rows

@@ -26,29 +26,27 @@ from pam_control.feedback.margins import LoopCase
 from pam_control.feedback.operating_points import operating_grid
 from pam_control.joint_models import JointModels
 from pam_control.laws.law import Law, Start
+from pam_control.laws.position_plan import last_to_act
 from pam_control.laws.position_rows import Estimates, PositionRows
 from pam_control.learning.motion_learner import MotionLearner
 from pam_control.plan_memory import newest
 from pam_control.rows.plan_rows import (
     P_MEMORY,
-    X_ACTS_A,
-    X_ACTS_B,
-    X_AHEAD_A,
-    X_AHEAD_B,
+    W_ACTS,
+    W_AHEAD,
+    W_PRESSURE,
+    W_RATE,
+    W_REFERENCE,
+    W_SPEED,
     X_DISTURBANCE,
     X_FACTOR,
     X_MISSED,
     X_NEW_INTEGRAL,
+    X_NOW,
     X_OBSERVER,
     X_OUTPUT,
-    X_RATE_A,
-    X_RATE_B,
     X_REACHED_STIFFNESS,
     X_REACHED_TORQUE,
-    X_REFERENCE_A,
-    X_REFERENCE_B,
-    X_SPEED_A,
-    X_SPEED_B,
     X_STIFFNESS,
     X_STIFFNESS_LIMITED,
     X_TORQUE,
@@ -205,17 +203,14 @@ class PositionStiffness(Law[PositionStiffnessState]):
         """Plan the pressures for torque and stiffness."""
         rows, place, x = state.rows, state.place, state.x
         rows.use(place, request.settings, request.adapts)
-        motion, moments = request.motion, (request.seen, request.now, *request.acts)
-        x[X_OUTPUT : X_ACTS_B + 4] = [
-            request.output, request.integral, math.nan, 1.0, motion.position,
-            motion.velocity, request.fresh, *request.pressures, *request.desired,
-            request.measured_at,
-            *(
-                number
-                for time, at in moments
-                for number in (time, at.position, at.velocity, at.acceleration)
-            ),
+        motion = request.motion
+        x[X_OUTPUT : X_NOW + 4] = [
+            request.output, request.integral, math.nan, 1.0, motion.position, motion.velocity,
+            request.fresh, request.measured_at, *request.seen.row, *request.now.row,
         ]  # fmt: skip
+        muscles = zip(request.pressures, request.desired, request.acts, strict=True)
+        for row, (pressure, desired, acts) in zip(rows.w[place], muscles, strict=True):
+            row[W_PRESSURE : W_ACTS + 4] = [pressure, desired, *acts.row]
         x[X_OBSERVER] = request.gains.observer
         state = self.ask(models, state, request.stiffness, request.settings, request.adapts)
         learners = {} if request.learner is None else {place: request.learner}
@@ -232,10 +227,10 @@ class PositionStiffness(Law[PositionStiffnessState]):
             tuple(name for name, is_limited in told if is_limited),
         )
         plan = PressurePlan(
-            (x[X_REFERENCE_A], x[X_REFERENCE_B]),
-            (x[X_RATE_A], x[X_RATE_B]),
-            (x[X_AHEAD_A], x[X_AHEAD_B]),
-            (x[X_SPEED_A], x[X_SPEED_B]),
+            rows.column(place, W_REFERENCE),
+            rows.column(place, W_RATE),
+            rows.column(place, W_AHEAD),
+            rows.column(place, W_SPEED),
             x[X_MISSED],
             x[X_NEW_INTEGRAL],
             telemetry,
@@ -311,8 +306,8 @@ def _corrected(
     models: JointModels, state: PositionStiffnessState, stiffness: float
 ) -> StiffnessCorrection:
     """The correction of the commanded stiffness [N m/rad], by what was learnt."""
-    correction, x = state.correction, state.x
-    acts_at = max(float(x[X_ACTS_A]), float(x[X_ACTS_B]))
+    correction, muscles = state.correction, state.rows.w[state.place]
+    acts_at = float(muscles[last_to_act(muscles)][W_ACTS])
     if not acts_at - correction.at > CORRECTED_EVERY:
         return correction
     # at one place, so that the correction does not change along a motion

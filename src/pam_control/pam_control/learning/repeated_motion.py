@@ -9,12 +9,19 @@ in addition to the part of that time. If two errors in a row have a negative inn
 of them repeats, and the learning rate is reduced: to a half, then a third and so on, so that what
 does not repeat averages out. As long as errors repeat, the whole error is learnt.
 
+A joint with friction answers less to a torque than any plant that the filter was designed for, so
+that each repetition takes away little of the error. If a share c of an error has come again, a step
+1/(1 - c) times as long would have taken all of it away (the secant rule). The next step has this
+length, up to `LONGEST_STEP`, unless an error has turned round before.
+
 A repetition that is worse than the best one ends the learning: the correction of the best is used
 from then on. Nothing is learnt from a repetition that was interrupted.
 
 Sources: H. Kesten, "Accelerated stochastic approximation", Annals of Mathematical Statistics 29
 (1958) 41-59 (a step shrinks only when the error turns round); B. Delyon, A. Juditsky, "Accelerated
-stochastic approximation", SIAM Journal on Optimization 3 (1993) 868-881 (by the inner product).
+stochastic approximation", SIAM Journal on Optimization 3 (1993) 868-881 (by the inner product);
+A. C. Aitken, "On Bernoulli's numerical solution of algebraic equations", Proceedings of the Royal
+Society of Edinburgh 46 (1926) 289-305 (the secant rule for an error that shrinks by a constant).
 """
 
 from __future__ import annotations
@@ -36,6 +43,7 @@ WORSE: Final = 1.05  # times the best error ends the learning,
 NOISE: Final = 5e-5  # rad; if it is more than this as well
 PATH_STEP: Final = 1e-2  # rad; motions that differ by less are the same
 PLACES: Final = 40  # of a trajectory that are compared before it is played
+LONGEST_STEP: Final = 2.0  # |1 - 2 L P| < 1 for whatever answers less than L was designed for
 GAP: Final = 0.05  # s without a control cycle; a repetition with one teaches nothing
 
 
@@ -191,13 +199,22 @@ class RepeatedMotion:
     def _go_on(self, tried: Learnt, error: Array) -> None:
         if self.best is None or not tried.error >= self.best.error:
             self.best = tried
-        common = min(error.size, self._before.size)
-        if float(error[:common] @ self._before[:common]) < 0.0:
-            self.share = 1.0 / (1.0 / self.share + 1.0)
-        self._before = error
+        learnt = self._step(error) * error
         count = min(tried.correction.size, error.size)  # by a period more or less
         correction = np.zeros_like(tried.correction)
         correction[:count] = self._filter.next_torque(
-            tried.correction[:count], self.share * error[:count], self._period
+            tried.correction[:count], learnt[:count], self._period
         )
         self.played = Learnt(tried.path, tried.base, correction)
+
+    def _step(self, error: Array) -> float:
+        """How many times an error [rad] is learnt, by what of the one before has come again."""
+        common = min(error.size, self._before.size)
+        before, self._before = self._before[:common], error
+        size = float(before @ before)
+        again = float(error[:common] @ before) / size if size > 0.0 else 0.0
+        if again < 0.0:
+            self.share = 1.0 / (1.0 / self.share + 1.0)
+        if self.share < 1.0:
+            return self.share
+        return 1.0 / max(1.0 - again, 1.0 / LONGEST_STEP)

@@ -29,21 +29,21 @@ class MuscleTable:
         Place of each row's muscle in the robot.
     owners : (n_muscles, 2) int rows
         `O_JOINT` and `O_NUMBERS`.
-    pairs : (n_joints, 2) int rows
+    owned : (n_joints, n_muscles of a joint) int rows
         The rows of the muscles that turn a joint, in the order of its arms.
     """
 
     places: tuple[int, ...]
     owners: Any
-    pairs: Any
+    owned: Any
 
     @classmethod
     def of(cls, robot: Robot) -> MuscleTable:
         """The table of a robot; a muscle that turns no joint has no row."""
         places = tuple(muscle.place for muscle in robot.muscles if muscle.arms)
-        pairs = [[places.index(place) for place in joint.muscles] for joint in robot.joints]
+        owned = [[places.index(place) for place in joint.muscles] for joint in robot.joints]
         owners = np.zeros((len(places), 2), dtype=np.int64)
-        for joint, rows in enumerate(pairs):
+        for joint, rows in enumerate(owned):
             for numbers, row in zip(SIDES, rows, strict=True):
                 owners[row] = joint, numbers
-        return cls(places, for_kernel(owners), for_kernel(np.array(pairs, dtype=np.int64)))
+        return cls(places, for_kernel(owners), for_kernel(np.array(owned, dtype=np.int64)))

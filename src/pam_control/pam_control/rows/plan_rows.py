@@ -7,13 +7,24 @@ from typing import Final
 N_MEMORY: Final = 7
 """Of `motion_functions`: the last position, four slip elements, two relaxed positions."""
 
-# numbers: they stay the same
-(J_POSITION_LOW, J_POSITION_HIGH, J_LOW_A, J_HIGH_A, J_LOW_B, J_HIGH_B, J_MOST_A, J_MOST_B, J_LAG,
- J_PRESLIDING, J_KEPT, J_IN_CLOSED_FORM, J_HAS_HISTORY) = range(13)  # fmt: skip
-N_JOINT: Final = 13
-"""Range of the muscles' models [rad]; ranges of the pressures, and the most that is asked for [Pa];
-lag of the pressure sensors [s]; presliding of the dry friction [rad]; how long measured pressures
-are kept [s]; whether both braids are in closed form; whether hysteresis, creep or friction act."""
+# numbers of a joint: they stay the same
+(J_POSITION_LOW, J_POSITION_HIGH, J_LAG, J_PRESLIDING, J_KEPT, J_IN_CLOSED_FORM,
+ J_HAS_HISTORY) = range(7)  # fmt: skip
+N_JOINT: Final = 7
+"""Range of the muscles' models [rad]; lag of the pressure sensors [s]; presliding of the dry
+friction [rad]; how long measured pressures are kept [s]; whether all braids are in closed form;
+whether hysteresis, creep or friction act."""
+
+# numbers of each muscle of a joint, a setting, input of a cycle, what one part of the plan leaves
+# for the next one, and the plan
+W_LOW, W_HIGH, W_MOST, W_DELAY, W_PRESSURE, W_DESIRED = range(6)
+W_ACTS: Final = 6
+"""A time [s], when the valve acts, and the reference at that time, as `X_SEEN`."""
+(W_AT_SEEN, W_LAGGING, W_BEFORE, W_PLANNED, W_REACHED, W_SHOWN, W_SHIFT, W_REFERENCE, W_RATE,
+ W_AHEAD, W_SPEED) = range(10, 21)  # fmt: skip
+N_MUSCLE: Final = 21
+"""Range of the pressure, and the most that is asked for [Pa]; time until the valve acts by the rig
+file [s]; measured and desired pressure [Pa]."""
 
 # settings, which change with those of the controller
 (S_FEEDFORWARD, S_STIFFNESS_RATE, S_ADAPTS, S_ADAPTATION_LIMIT, S_OBSERVER_LIMIT,
@@ -21,28 +32,24 @@ are kept [s]; whether both braids are in closed form; whether hysteresis, creep 
 N_SETTINGS: Final = 6
 
 # input of a cycle, what one part of the plan leaves for the next one, and the plan
-(X_OUTPUT, X_INTEGRAL, X_WANTED, X_FACTOR, X_POSITION, X_VELOCITY, X_FRESH, X_PRESSURE_A,
- X_PRESSURE_B, X_DESIRED_A, X_DESIRED_B, X_MEASURED_AT) = range(12)  # fmt: skip
-X_SEEN, X_NOW, X_ACTS_A, X_ACTS_B = 12, 16, 20, 24
+(X_OUTPUT, X_INTEGRAL, X_WANTED, X_FACTOR, X_POSITION, X_VELOCITY, X_FRESH,
+ X_MEASURED_AT) = range(8)  # fmt: skip
+X_SEEN, X_NOW = 8, 12
 """Each a time [s] and the reference at that time: position, velocity, acceleration."""
 # fmt: off
-(X_AT_SEEN_A, X_AT_SEEN_B, X_INSIDE, X_TORQUE_SEEN, X_LAGGING_A, X_LAGGING_B, X_BEFORE_A,
- X_BEFORE_B, X_LAGGING_INSIDE, X_TORQUE_LAGGING, X_TORQUE_BEFORE, X_KNOWN, X_USUAL, X_BASE,
- X_CORRECTION,
- X_ASKED_TORQUE, X_ASKED_STIFFNESS, X_ASKED_POSITION, X_REACHED_A, X_REACHED_B, X_REACHED_TORQUE,
+(X_INSIDE, X_TORQUE_SEEN, X_LAGGING_INSIDE, X_TORQUE_LAGGING, X_TORQUE_BEFORE, X_KNOWN, X_USUAL,
+ X_BASE, X_CORRECTION, X_ASKED_TORQUE, X_ASKED_STIFFNESS, X_ASKED_POSITION, X_REACHED_TORQUE,
  X_REACHED_STIFFNESS, X_TORQUE_LIMITED, X_STIFFNESS_LIMITED, X_ADDED, X_LOST, X_BESIDE, X_LEARNT,
- X_SHIFT_A, X_SHIFT_B, X_PLANNED_TORQUE, X_PAST_STIFFNESS, X_IS_DUE, X_ESTIMATE_DUE) = range(28, 62)
-(X_REFERENCE_A, X_REFERENCE_B, X_RATE_A, X_RATE_B, X_AHEAD_A, X_AHEAD_B, X_SPEED_A, X_SPEED_B,
- X_MISSED, X_NEW_INTEGRAL, X_TORQUE, X_STIFFNESS, X_TRUE_STIFFNESS, X_DISTURBANCE) = range(62, 76)
-X_OBSERVER: Final = 76
-N_CYCLE: Final = 77
+ X_PLANNED_TORQUE, X_PAST_STIFFNESS, X_IS_DUE, X_ESTIMATE_DUE, X_MISSED, X_NEW_INTEGRAL, X_TORQUE,
+ X_STIFFNESS, X_TRUE_STIFFNESS, X_DISTURBANCE, X_OBSERVER, X_UNEXPLAINED) = range(16, 48)
+N_CYCLE: Final = 48
 
 # state
-(Y_STIFFNESS, Y_SHOWN_A, Y_SHOWN_B, Y_ADAPTED, Y_LAGGING, Y_LAGGING_SPEED, Y_HISTORY_POSITION,
+(Y_STIFFNESS, Y_ADAPTED, Y_LAGGING, Y_LAGGING_SPEED, Y_HISTORY_POSITION,
  Y_HISTORY_TIME, Y_SLIP, Y_GATHERED, Y_PLACE, Y_TARGET, Y_STUCK_INTEGRAL, Y_LOST, Y_SMOOTH_LOST,
- Y_MUSCLES, Y_MOTION, Y_SPEED, Y_OBSERVED, Y_PLANNED_AT, Y_REFERENCE, Y_SINCE_ESTIMATE) = range(22)
+ Y_MUSCLES, Y_MOTION, Y_SPEED, Y_OBSERVED, Y_PLANNED_AT, Y_REFERENCE, Y_SINCE_ESTIMATE) = range(20)
 # fmt: on
-N_PLAN: Final = 22
+N_PLAN: Final = 20
 
 # state and filters of what is learnt of the torque
 N_SAMPLE: Final = 11
@@ -60,7 +67,6 @@ A_TWICE: Final = A_ONCE + N_SAMPLE
 A_BEFORE: Final = A_TWICE + N_SAMPLE
 N_LEARNING: Final = A_BEFORE + N_SAMPLE
 
-# rows of a plan, and of a measured pair of pressures
-P_TIME, P_A, P_B, P_STIFFNESS, P_MEMORY, P_KNOWN = range(6)
-N_PLANNED: Final = 6
-N_MEASURED: Final = 3
+# rows of a plan, and of measured pressures: the numbers before those of the muscles
+P_TIME, P_STIFFNESS, P_MEMORY, P_KNOWN, P_PRESSURES = range(5)
+P_MEASURED: Final = 1

@@ -16,7 +16,7 @@ import pandas as pd
 
 from pam_control.control_step import Measurement
 from pam_control.controller import Controller
-from pam_control.lowering import LoweringPhase
+from pam_control.reference_lowering import LoweringPhase
 from pam_control.references.trajectory import CommandError, TrajectoryPoint
 from pam_control.settings import ControlSettings
 from pam_demo.commission.play import EMPTY, Log, first_reading, lower, rest, vented

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -211,21 +211,13 @@ class Diagnosis:
             "indistinguishable": [list(group) for group in self.indistinguishable],
             "parameters": {
                 effect: {
-                    name: _interval(found.interval) | {"unit": found.unit}
+                    name: asdict(found.interval) | {"unit": found.unit}
                     for name, found in values.items()
                 }
                 for effect, values in self.parameters.items()
             },
-            "gap": {
-                name: {
-                    "before": gap.before,
-                    "after": gap.after,
-                    "floor": gap.floor,
-                    "unit": gap.unit,
-                }
-                for name, gap in self.gap.items()
-            },
-            "closed": None if self.closed is None else _interval(self.closed),
+            "gap": {name: asdict(gap) for name, gap in self.gap.items()},
+            "closed": None if self.closed is None else asdict(self.closed),
             "probabilities": dict(self.probabilities),
             "cause_probabilities": self.cause_probabilities,
             "withheld": self.withheld,
@@ -238,7 +230,7 @@ class Diagnosis:
                     "effects": list(entry.effects),
                     "label": entry.label or " + ".join(entry.effects),
                     "weight": entry.weight,
-                    "remaining": _interval(entry.remaining),
+                    "remaining": asdict(entry.remaining),
                     "note": entry.note,
                     "level": entry.level,
                     "over_floor": list(entry.over_floor),
@@ -247,28 +239,10 @@ class Diagnosis:
             ],
             "stages": []
             if self.location is None
-            else [
-                {
-                    "stage": stage.stage,
-                    "inputs": stage.inputs,
-                    "gap_over_floor": stage.gap_over_floor,
-                    "note": stage.note,
-                }
-                for stage in self.location.stages
-            ],
+            else [asdict(stage) for stage in self.location.stages],
             "delays": {} if self.location is None else dict(self.location.delays),
             "regimes": {} if self.location is None else dict(self.location.regimes),
-            "horizons": [
-                {
-                    "horizon": figure.horizon,
-                    "channel": figure.channel,
-                    "before": figure.before,
-                    "after": figure.after,
-                    "floor": figure.floor,
-                    "unit": figure.unit,
-                }
-                for figure in self.horizons
-            ],
+            "horizons": [asdict(figure) for figure in self.horizons],
             "provenance": None if self.provenance is None else self.provenance.to_json(),
             "repairs": list(self.repairs),
             "left_out": list(self.left_out),
@@ -321,10 +295,6 @@ class Diagnosis:
     def write(self, path: Path) -> None:
         """Write diagnosis.json; numbers that are not finite become null."""
         path.write_text(json.dumps(_finite(self.to_json()), indent=1) + "\n", encoding="utf-8")
-
-
-def _interval(interval: Interval) -> dict[str, float]:
-    return {"value": interval.value, "low": interval.low, "high": interval.high}
 
 
 def _finite(value: Any) -> Any:

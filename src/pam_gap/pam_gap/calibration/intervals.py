@@ -182,7 +182,7 @@ def knowledge(
         terms = fitter.background.terms
         free = [*free, *terms.free]
         values = np.concatenate([values, result.amounts])
-        jacobian = np.concatenate([jacobian, terms.columns * Scaling(terms.free).size], axis=-1)
+        jacobian = np.concatenate([jacobian, terms.slopes()], axis=-1)
     scaling = Scaling(free)
     counted = fitter.problem.counted
     weights = 1.0 / np.maximum(mean_squares(result.errors, counted), fitter.floor)

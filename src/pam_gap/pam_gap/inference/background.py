@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
 from typing import NamedTuple
@@ -68,7 +68,6 @@ class Background:
 
     effects: tuple[str, ...]
     terms: LinearTerms
-    _beside: dict[tuple[bool, ...], LinearTerms] = field(default_factory=dict)
 
     def beside(self, effects: Collection[str]) -> LinearTerms:
         """The terms for a hypothesis with these effects, which replace their ordinary amounts."""
@@ -80,10 +79,7 @@ class Background:
         absent = tuple(effect in own for effect in self.effects)
         if not any(absent):
             return self.terms
-        if absent not in self._beside:  # fits that run side by side share one copy
-            columns = np.where(absent, 0.0, self.terms.columns)
-            self._beside[absent] = replace(self.terms, columns=columns)
-        return self._beside[absent]
+        return self.terms.without(absent)
 
 
 @dataclass(frozen=True, slots=True)

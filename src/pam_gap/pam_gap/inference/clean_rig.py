@@ -78,8 +78,8 @@ def _guesses(
     at = len(fitter.nuisances)
     scaling = Scaling([nuisance.free for nuisance in fitter.nuisances])
     bases = singles[: fitter.rules.search.clean_bases]
-    start = fitter.simulated_errors(nominal)
-    errors = [fitter.simulated_errors(single) for single in singles]
+    start = nominal.simulated
+    errors = [single.simulated for single in singles]
     arrays: list[Slopes] = [error[..., None] for error in errors[: len(bases)]]
     arrays += [base.result.jacobian for base in bases]
     for single, error in zip(singles, errors, strict=True):
@@ -145,5 +145,8 @@ def is_clean(
         if share(one.mean_square) < limit and len(likely) < rules.search.clean_pairs:
             likely.setdefault(frozenset(h.label for h in one.members), one)
     at, steps = len(fitter.nuisances), rules.search.settled_steps
-    fits = fitter.fit_all([_task(one, at, steps) for one in likely.values()])
-    return any(share(one.mean_square) < limit for one in fits)
+    return any(  # one after the other, because the first one that does is enough
+        share(fit.mean_square) < limit
+        for one in likely.values()
+        for fit in fitter.fit_all([_task(one, at, steps)])
+    )

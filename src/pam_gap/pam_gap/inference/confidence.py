@@ -60,7 +60,7 @@ def parameter_intervals(
         terms = fitter.background.beside(hypothesis.effects)
         free = [*free, *terms.free]
         values = np.concatenate([values, result.amounts])
-        jacobian = np.concatenate([jacobian, terms.columns * Scaling(terms.free).size], axis=-1)
+        jacobian = np.concatenate([jacobian, terms.slopes()], axis=-1)
     n = len(free)
     scaling = Scaling(free)
     at = scaling.scaled(values)

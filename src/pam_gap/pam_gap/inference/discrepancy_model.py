@@ -10,8 +10,6 @@ Soc. B 63, 2001).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from pam_gap.inference.held_out import Folds
@@ -21,14 +19,6 @@ from pam_gap.prediction.fit import Array
 from pam_gap.prediction.problem import PredictionProblem
 
 HARMONICS = (2.0, 4.0, 8.0, 12.0, 16.0)
-
-
-@dataclass(frozen=True, slots=True)
-class Leftover:
-    """Share of each channel's remaining held-out squared error that a flexible law explains."""
-
-    explained: Array
-    by_position: Array
 
 
 def _inputs(problem: PredictionProblem) -> tuple[Array, Array]:
@@ -71,7 +61,7 @@ def _ridge_score(design: Array, errors: Array, folds: Folds, ridge: float) -> fl
     return 1.0 - left / max(total, 1e-300)
 
 
-def explain_leftover(problem: PredictionProblem, folds: Folds, errors: Array) -> Leftover:
+def explained_leftover(problem: PredictionProblem, folds: Folds, errors: Array) -> Array:
     """Regress the remaining errors of a hypothesis on the motion and the inputs of the rig.
 
     Parameters
@@ -82,6 +72,11 @@ def explain_leftover(problem: PredictionProblem, folds: Folds, errors: Array) ->
         Folds for the held-out score.
     errors : ndarray, shape (n_rows, channels)
         Whitened prediction errors of the hypothesis.
+
+    Returns
+    -------
+    ndarray, shape (channels,)
+        Share of the held-out squared error of each channel that a flexible law explains [-].
     """
     inputs, position = _inputs(problem)
     ones = np.ones((len(inputs), 1))
@@ -89,12 +84,8 @@ def explain_leftover(problem: PredictionProblem, folds: Folds, errors: Array) ->
     n = inputs.shape[1]
     products = np.column_stack([inputs[:, i] * inputs[:, j] for i in range(n) for j in range(i, n)])
     everything = np.column_stack([ones, inputs, products, harmonics])
-    z = inputs[:, POSITION]
-    static = np.column_stack([ones, z, z**2, z**3, harmonics])
-    channels = errors.shape[1]
     ridge = problem.rules.decision.leftover_ridge
-    explained, by_position = np.zeros(channels), np.zeros(channels)
+    explained = np.zeros(errors.shape[1])
     for c in np.nonzero(problem.present)[0]:
         explained[c] = _ridge_score(everything, errors[:, c], folds, ridge)
-        by_position[c] = _ridge_score(static, errors[:, c], folds, ridge)
-    return Leftover(np.maximum(explained, 0.0), np.maximum(by_position, 0.0))
+    return np.maximum(explained, 0.0)

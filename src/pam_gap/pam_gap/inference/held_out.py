@@ -188,12 +188,11 @@ def score_all(
     """
     is_fitted = [bool(h.result.values.size) for h in hypotheses]
     tasks = [
-        FitTask(
-            h.members,
-            h.result.values,
+        FitTask.further(
+            h,
             fitter.rules.search.fold_steps,
-            own,
-            h.result.jacobian,
+            rows=own,
+            cached=h.result.jacobian,
             amounts=h.result.amounts,
             is_bare=not h.result.amounts.size,
         )
@@ -213,6 +212,6 @@ def score_all(
             more_sums, more_counts = block_sums(part.result.errors, folds, other)
             sums += more_sums
             counts += more_counts
-            simulated += block_sums(fitter.simulated_errors(part), folds, other)[0]
+            simulated += block_sums(part.simulated, folds, other)[0]
         scores.append(HeldOut.of(h, sums, counts, tuple(values), simulated))
     return scores

@@ -34,7 +34,7 @@ from pam_model.effects import EFFECTS
 from pam_model.plant.parameters import INDEX
 
 Rows = npt.NDArray[np.bool_]
-SIDE_BY_SIDE = 100_000_000
+SIDE_BY_SIDE = 50_000_000
 """Bytes that the Jacobians of fits that run side by side may take."""
 AT_THE_END = 0.005
 """Distance from the end of the range of a size, in ranges, within which it is at the end."""
@@ -104,7 +104,9 @@ class Hypothesis:
         result = replace(
             self.result,
             values=np.delete(self.result.values, cut),
-            jacobian=np.delete(self.result.jacobian, cut, axis=-1),
+            columns=np.delete(self.result.jacobian, cut, axis=-1),
+            reused=None,
+            simulated=None,
         )
         members = self.members[:member] + self.members[member + 1 :]
         return Hypothesis(members, result, self.mean_square)
@@ -115,6 +117,12 @@ class Hypothesis:
             if effect not in effects:
                 return self.without(k).only(effects)
         return self
+
+    @property
+    def simulated(self) -> Array:
+        """Errors without the linear amounts of a background, shape (blocks, channels)."""
+        known = self.result.simulated
+        return self.result.errors if known is None else known
 
     @property
     def label(self) -> str:
@@ -146,6 +154,8 @@ class FitTask:
         Amounts of the ordinary background that are kept; by default they are fitted.
     is_bare : bool
         Whether the fit is without an ordinary background.
+    errors : ndarray, optional
+        Errors of the simulation alone at the start, where they are known.
     """
 
     members: tuple[Candidate, ...]
@@ -157,6 +167,26 @@ class FitTask:
     tolerance: float | None = None
     amounts: Array | None = None
     is_bare: bool = False
+    errors: Array | None = None
+
+    @classmethod
+    def further(
+        cls,
+        h: Hypothesis,
+        max_iterations: int,
+        *,
+        rows: Rows | None = None,
+        cached: Slopes | None = None,
+        amounts: Array | None = None,
+        is_bare: bool = False,
+    ) -> FitTask:
+        """The fit of a hypothesis, continued from its result; nothing is simulated again."""
+        first = 0 if cached is None else cached.shape[-1]
+        return cls(
+            h.members, h.result.values, max_iterations, rows, cached,
+            h.result.jacobian[..., first:], amounts=amounts, is_bare=is_bare,
+            errors=h.result.simulated,
+        )  # fmt: skip
 
 
 class HypothesisFitter:
@@ -298,6 +328,7 @@ class HypothesisFitter:
             guess=task.guess,
             max_iterations=task.max_iterations,
             tolerance=task.tolerance,
+            errors=task.errors,
             rules=self.rules.prediction,
         )
         return partial(self.problem.vectors, self.problem.base.values, places, factor), steps
@@ -327,11 +358,3 @@ class HypothesisFitter:
         """Fit every hypothesis without an ordinary background from now on; `parts` remains."""
         self.background, self.nominal = None, self.bare
         self.discrepancy = self.whole_background
-
-    def simulated_errors(self, h: Hypothesis) -> Array:
-        """Errors of a hypothesis without the linear amounts of the background."""
-        if self.background is None or not h.result.amounts.size:
-            return h.result.errors
-        terms = self.background.beside(h.effects)
-        result: Array = h.result.errors - terms.columns @ h.result.amounts
-        return result

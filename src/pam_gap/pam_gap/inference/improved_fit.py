@@ -117,10 +117,7 @@ def improved_fit(
     scores = [chosen]
     if fitter.background is not None:
         best, steps = chosen.hypothesis, fitter.rules.search.settled_steps
-        task = FitTask(
-            best.members, best.result.values, steps, guess=best.result.jacobian, is_bare=True
-        )
-        tasks = [task]
+        tasks = [FitTask.further(best, steps, is_bare=True)]
         beside, starts = ordinary_members(fitter, fitter.background, best, candidates)
         if beside:
             values = np.concatenate([best.result.values, starts])

@@ -14,10 +14,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import expit
 
 from pam_gap.inference.decision import Judge
 from pam_gap.inference.hypothesis import Hypothesis, HypothesisFitter
+from pam_gap.inference.logistic import logistic
 from pam_gap.inference.score import Score
 from pam_gap.prediction.fit import mean_squares
 from pam_gap.rules import DEFAULT
@@ -99,7 +99,7 @@ def probability_of_lengths(
     energy = judge.level(loose) + rules.price * (loose.free_numbers + lengths.numbers)
     energy += rules.further_gain * loose.size
     width = rules.temperature * rules.tempering
-    return float(expit((judge.energy(tight) - energy) / width))
+    return logistic((judge.energy(tight) - energy) / width)
 
 
 def shared_probabilities(

@@ -19,9 +19,9 @@ from collections.abc import Mapping, Set
 from dataclasses import replace
 
 import numpy as np
-from scipy.special import expit
 
 from pam_gap.inference.decision import Decision, Judge
+from pam_gap.inference.logistic import logistic
 from pam_gap.inference.score import Score
 from pam_gap.inference.selection import NESTED
 
@@ -47,11 +47,11 @@ def probabilities[S: Score](
         return {NONE: 1.0}
     usual = judge.usual(nominal, decision.tried)
     stands_out = judge.level(usual) - rules.no_gap * int(judge.present.sum())
-    gap = float(expit(stands_out / rules.temperature))
+    gap = logistic(stands_out / rules.temperature)
     gap *= _matters(judge, nominal)
     explained = _explains(judge, nominal, decision.chosen)
     removed = judge.share_removed(usual, decision.chosen) - rules.most_of_the_gap
-    explained *= float(expit(removed / rules.share_temperature))
+    explained *= logistic(removed / rules.share_temperature)
     energies: dict[str, float] = {}
     least = min(judge.energy(score) for score in (*decision.tried, *decision.unlisted))
     for score in (*decision.tried, *decision.unlisted):
@@ -254,9 +254,9 @@ def _explains(judge: Judge, nominal: Score, chosen: Score) -> float:
     sharp = (limit - figures.level_after) / rules.temperature
     closed = (figures.closed - rules.closed_at_least) / rules.share_temperature
     if not figures.is_sharp:
-        return float(expit(closed))
+        return logistic(closed)
     left = judge.is_material(chosen, unexplained=True)
-    return float(expit(sharp if left else max(sharp, closed)))
+    return logistic(sharp if left else max(sharp, closed))
 
 
 def _is_large(judge: Judge, usual: Score) -> float:
@@ -264,7 +264,7 @@ def _is_large(judge: Judge, usual: Score) -> float:
     if not judge.has_background:
         return 1.0
     limit = judge.rules.no_gap_unexplained * int(judge.present.sum())
-    return float(expit((judge.level(usual) - limit) / judge.rules.temperature))
+    return logistic((judge.level(usual) - limit) / judge.rules.temperature)
 
 
 def _matters(judge: Judge, nominal: Score) -> float:
@@ -273,4 +273,4 @@ def _matters(judge: Judge, nominal: Score) -> float:
     excess = np.maximum((nominal.mean_square - judge.floor)[judge.present], 1e-12)
     if not (limit > 0.0).all():
         return 1.0
-    return float(expit(np.log(excess / limit).max() / judge.rules.temperature))
+    return logistic(float(np.log(excess / limit).max()) / judge.rules.temperature)

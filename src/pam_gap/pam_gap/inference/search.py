@@ -103,19 +103,7 @@ class CandidateSearch:
         self, found: Sequence[Hypothesis], iterations: int, *, reuse: Slopes | None = None
     ) -> list[Hypothesis]:
         """Continue the fits of hypotheses; a result is kept only if it has a lower level."""
-        first = 0 if reuse is None else reuse.shape[-1]
-        again = self.fitter.fit_all(
-            [
-                FitTask(
-                    h.members,
-                    h.result.values,
-                    iterations,
-                    cached=reuse,
-                    guess=h.result.jacobian[..., first:],
-                )
-                for h in found
-            ]
-        )
+        again = self.fitter.fit_all([FitTask.further(h, iterations, cached=reuse) for h in found])
         return [
             new if self.level(new) <= self.level(h) else h
             for h, new in zip(found, again, strict=True)
@@ -250,23 +238,26 @@ class CandidateSearch:
         return SearchResult(nominal, [found])
 
     def again(self, result: SearchResult) -> SearchResult:
-        """The same hypotheses after the fitter has changed, each fitted from where it was."""
-        by_size = [
-            sorted(
-                self.fitter.fit_all(
-                    [
-                        FitTask(
-                            h.members, h.result.values, self.rules.settled_steps,
-                            guess=h.result.jacobian,
-                        )
-                        for h in found
-                    ]
-                ),
-                key=self.level,
-            )
-            for found in result.by_size
-        ]  # fmt: skip
-        return SearchResult(self.fitter.fit_nominal(), by_size)
+        """Every single effect after the fitter has changed, beginning with the size found before.
+
+        Parameters
+        ----------
+        result : SearchResult
+            What `singles` found.
+        """
+        nominal = self.fitter.fit_nominal()
+        at = nominal.result.values.size
+        for h in result.by_size[0]:
+            self._last[h.label] = (h.result.values[at:],)
+        found = self.extend(
+            nominal,
+            screened=self.rules.first_screened,
+            finished=self.rules.first_finished,
+            task="one effect, no background",
+            shares=(0.37, 0.4),
+            warm=True,
+        )
+        return SearchResult(nominal, [found])
 
     def grow(self, result: SearchResult, shares: tuple[float, float]) -> None:
         """Add the hypotheses with one more effect, and try others for each effect of the best one.
@@ -315,10 +306,7 @@ class CandidateSearch:
         """Fit the best hypothesis without each of its effects, which may be unnecessary now."""
         best, smaller = result.by_size[-1][0], result.by_size[-2]
         starts = [best.without(member) for member in range(len(best.members))]
-        tasks = [
-            FitTask(h.members, h.result.values, self.rules.settled_steps, guess=h.result.jacobian)
-            for h in starts
-        ]
+        tasks = [FitTask.further(h, self.rules.settled_steps) for h in starts]
         for rest in self.fitter.fit_all(tasks):
             known = next((h for h in smaller if h.label == rest.label), None)
             if known is None or self.level(rest) < self.level(known):

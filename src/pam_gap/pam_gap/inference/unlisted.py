@@ -33,7 +33,7 @@ from pam_gap.prediction.fit import Array
 from pam_gap.prediction.linear_terms import LinearTerms
 from pam_gap.prediction.problem import PredictionProblem
 from pam_gap.rules import Rules
-from pam_model.plant.lever_arm import LeverArm
+from pam_model.plant.uneven_pulley import UnevenPulley
 
 LARGEST = 1000.0
 """Bound of an amount, in the largest ordinary sizes."""
@@ -86,7 +86,7 @@ def _of_part(part: SensorPart, place: int) -> Unlisted:
 def _arm(problem: PredictionProblem, data: Channels, amounts: Array) -> Channels:
     size = problem.rules.decision.ordinary_arm
     more, slope, bend, zero = (size * amounts).tolist()
-    return replace(data, arm=LeverArm(1.0 + more, slope, bend, zero))
+    return replace(data, arm=UnevenPulley(1.0 + more, slope, bend, zero))
 
 
 def _eccentric_pulley(place: int, rules: Rules) -> Unlisted:

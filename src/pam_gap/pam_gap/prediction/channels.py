@@ -22,7 +22,7 @@ from pam_gap.recordings.recording import (
 )
 from pam_gap.recordings.still_channels import finest_deviations
 from pam_gap.rules import DEFAULT, Rules
-from pam_model.plant.lever_arm import ROUND, LeverArm
+from pam_model.plant.uneven_pulley import ROUND, UnevenPulley
 from pam_model.rig import Rig
 from pam_model.robot import compose
 from pam_model.views.air_drawn import air_drawn
@@ -55,7 +55,7 @@ class Channels:
     drawn : ndarray, shape (N, 2) or None
         What the muscles of other joints draw from the supply that all share, see
         `pam_model.views.air_drawn`; None if nothing is known of it.
-    arm : LeverArm
+    arm : UnevenPulley
         Lever arm of the pulley; by default that of a round one with the stated radius.
     """
 
@@ -69,7 +69,7 @@ class Channels:
     votes: npt.NDArray[np.bool_]
     external: Array | None = None
     drawn: Array | None = None
-    arm: LeverArm = ROUND
+    arm: UnevenPulley = ROUND
 
 
 def channel_names(rig: Rig, joint: int) -> tuple[str, ...]:

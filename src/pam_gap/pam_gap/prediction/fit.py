@@ -21,8 +21,8 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import lsq_linear
 
+from pam_gap.prediction.fit_step import best_step
 from pam_gap.prediction.running_equations import KnownColumns, RunningEquations
 from pam_gap.rules import DEFAULT
 from pam_gap.rules.prediction_rules import PredictionRules
@@ -34,7 +34,6 @@ Predictor = Callable[[Array], Array]
 """(lanes, parameters) -> whitened errors (lanes, blocks, channels); NaN without a measurement."""
 FitSteps = Generator[Array, Array, "PlantFit"]
 """Yields lanes of parameters in own units, is sent their errors, and returns the result."""
-MOST_ACTIVE_SETS = 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,20 +77,36 @@ class PlantFit:
         Whitened prediction errors at these values.
     objective : float
         Half the sum of n_c log J_c plus the priors, over the rows that were fitted.
-    jacobian : ndarray, shape (blocks, channels, n)
-        Derivative of the errors with respect to the scaled parameters, in single precision.
+    columns : ndarray, shape (blocks, channels, k)
+        The last columns of the Jacobian, those after `reused`, in single precision.
     iterations : int
         Number of steps taken.
     amounts : ndarray, shape (k,)
         Amounts of the linear terms; `errors` contains them.
+    simulated : ndarray, shape (blocks, channels), optional
+        Errors of the simulation alone with these values; None where it was not simulated with them.
+    reused : ndarray, shape (blocks, channels, n - k), optional
+        The first columns of the Jacobian, where the fit did not compute them; many results share
+        them.
     """
 
     values: Array
     errors: Array
     objective: float
-    jacobian: Slopes
+    columns: Slopes
     iterations: int
     amounts: Array = field(default_factory=lambda: np.zeros(0))
+    simulated: Array | None = None
+    reused: Slopes | None = None
+
+    @property
+    def jacobian(self) -> Slopes:
+        """Derivative of the errors by the scaled parameters, shape (blocks, channels, n)."""
+        if self.reused is None:
+            return self.columns
+        if not self.columns.size:
+            return self.reused
+        return np.concatenate([self.reused, self.columns], axis=-1)
 
 
 def mean_squares(errors: Array, rows: npt.NDArray[np.bool_] | None = None) -> Array:
@@ -148,34 +163,6 @@ class Scaling:
         return value
 
 
-def bounded_step(hessian: Array, slope: Array, low: Array, high: Array) -> Array:
-    """Minimiser of x.H.x/2 + g.x in a box that contains 0 (H positive semidefinite).
-
-    Source: primal-dual active sets, Hintermueller, Ito and Kunisch, SIAM J. Optim. 13 (2002); where
-    they do not settle, bounded-variable least squares, Stark and Parker, Computational Statistics
-    10 (1995).
-    """
-    size = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
-    scaled = hessian / np.outer(size, size)
-    scaled[np.diag_indices(size.size)] += 1e-9
-    pull, least, most = slope / size, low * size, high * size
-    x, force = np.zeros_like(pull), np.zeros_like(pull)
-    at = np.zeros(pull.size, dtype=np.int64)
-    for _ in range(MOST_ACTIVE_SETS):
-        free = at == 0
-        x = np.where(at < 0, least, np.where(at > 0, most, 0.0))
-        target = -pull[free] - scaled[np.ix_(free, ~free)] @ x[~free]
-        x[free] = np.linalg.solve(scaled[np.ix_(free, free)], target)
-        force = np.where(free, 0.0, -(scaled @ x + pull))
-        before, at = at, np.where(x + force > most, 1, np.where(x + force < least, -1, 0))
-        if (at == before).all():
-            return np.asarray(np.clip(x / size, low, high))
-    root = np.linalg.cholesky(scaled)
-    bounds = (least - 1e-12, most + 1e-12)
-    found = lsq_linear(root.T, -np.linalg.solve(root, pull), bounds, method="bvls", tol=1e-10)
-    return np.asarray(np.clip(found.x / size, low, high))
-
-
 def shifted_lanes(
     scaling: Scaling, at: Array, columns: npt.NDArray[np.intp], step: float
 ) -> tuple[Array, Array]:
@@ -228,75 +215,6 @@ def normal_equations(
     return hessian, slope
 
 
-@dataclass(frozen=True, slots=True)
-class FitStep:
-    """One accepted step of a fit.
-
-    Attributes
-    ----------
-    at : ndarray, shape (n,)
-        The new point, scaled.
-    errors : ndarray, shape (blocks, channels)
-        Errors there.
-    value : float
-        Objective there.
-    damping : float
-        Damping with which the next step begins.
-    is_as_promised : bool
-        Whether the undamped step brought what the Jacobian promised.
-    """
-
-    at: Array
-    errors: Array
-    value: float
-    damping: float
-    is_as_promised: bool
-
-
-def best_step(
-    hessian: Array,
-    slope: Array,
-    scaling: Scaling,
-    at: Array,
-    best: float,
-    damping: float,
-    attempts: int,
-    objective: Callable[[Array, Array], Array],
-    promise: float,
-) -> Generator[Array, Array, FitStep | None]:
-    """Try steps with several dampings; the best one that lowers the objective below `best`.
-
-    The first step is tried alone. Where it brings what the Jacobian promises, the shorter ones are
-    not simulated.
-    """
-    scale = np.maximum(np.diag(hessian), 1e-9 * float(np.max(np.diag(hessian))) + 1e-12)
-    low, high = scaling.low - at, scaling.high - at
-    for attempt in range(attempts):
-
-        def damped(factor: float, now: float = damping) -> Array:
-            added = np.diag(scale * (now * factor + 1e-10))
-            return bounded_step(hessian + added, slope, low, high)
-
-        step = damped(min(attempt, 1))
-        lanes = at + step[None]
-        errors = yield scaling.own(lanes)
-        values = objective(errors, lanes)
-        promised = -float(slope @ step + 0.5 * step @ hessian @ step)
-        kept = best - float(values[0]) > promise * promised > 0.0
-        if not kept:
-            others = at + np.array([damped(30.0), 0.3 * step])
-            lanes = np.concatenate([lanes, others])
-            errors = np.concatenate([errors, (yield scaling.own(others))])
-            values = objective(errors, lanes)
-        winner = int(np.argmin(values))
-        if values[winner] < best:
-            next_damping = max(damping * (0.1, 30.0, 10.0)[winner], 1e-5)
-            kept = kept and attempt == 0
-            return FitStep(lanes[winner], errors[winner], float(values[winner]), next_damping, kept)
-        damping *= 1000.0
-    return None
-
-
 def fit_steps(
     free: Sequence[FreeParameter],
     start: Array,
@@ -307,6 +225,7 @@ def fit_steps(
     guess: Slopes | None = None,
     max_iterations: int = 8,
     tolerance: float | None = None,
+    errors: Array | None = None,
     rules: PredictionRules = DEFAULT.prediction,
 ) -> FitSteps:
     """Fit the parameters from one starting point; the caller simulates the lanes it asks for.
@@ -335,6 +254,8 @@ def fit_steps(
     tolerance : float
         Decrease of the mean log J in one step below which the fit ends; default
         `rules.fit_tolerance`.
+    errors : ndarray, shape (blocks, channels), optional
+        Errors at the start, where they are known.
     rules : PredictionRules
         Difference step, dampings and weights.
     """
@@ -343,7 +264,8 @@ def fit_steps(
     is_tight = least_fall < rules.fit_tolerance
     n = len(free)
     at = np.clip(scaling.scaled(np.asarray(start, dtype=np.float64)), scaling.low, scaling.high)
-    errors = (yield scaling.own(at[None, :]))[0]
+    if errors is None:
+        errors = (yield scaling.own(at[None]))[0].copy()  # a view keeps all lanes of the batch
     counts = np.isfinite(errors[rows]).sum(axis=0).astype(np.float64)
     total = max(float(counts.sum()), 1.0)
 
@@ -353,9 +275,11 @@ def fit_steps(
 
     best = float(objective(errors[None], at[None])[0])
     damping = rules.fit_damping
-    if cached is None:
-        cached = np.zeros((*errors.shape, 0))
-    known = cached if isinstance(cached, KnownColumns) else KnownColumns(cached)
+    none = np.zeros((*errors.shape, 0))
+    kept = None if isinstance(cached, KnownColumns) else cached
+    known = (
+        cached if isinstance(cached, KnownColumns) else KnownColumns(none if kept is None else kept)
+    )
     running = RunningEquations(n, errors, rows, known)
     reused, guessed = known.count, 0 if guess is None else guess.shape[-1]
     places = np.arange(n)
@@ -390,7 +314,9 @@ def fit_steps(
             break
         if step.is_as_promised and not is_small:
             due = quick
-    return PlantFit(scaling.own(at), errors, best, running.jacobian, taken)
+    return PlantFit(
+        scaling.own(at), errors, best, running.own_columns, taken, simulated=errors, reused=kept
+    )
 
 
 def fit_together(
@@ -411,17 +337,23 @@ def fit_together(
         In the order of `fits`; each is the same as that of the fit alone.
     """
     results: dict[int, PlantFit] = {}
-    asked = {k: complete(next(steps)) for k, (complete, steps) in enumerate(fits)}
+    asked: dict[int, Array] = {}
+
+    def go_on(k: int, errors: Array | None) -> None:
+        complete, steps = fits[k]
+        try:
+            asked[k] = complete(next(steps) if errors is None else steps.send(errors))
+        except StopIteration as end:
+            results[k] = end.value
+            asked.pop(k, None)
+
+    for k in range(len(fits)):
+        go_on(k, None)
     while asked:
         errors = predict(np.concatenate(list(asked.values())))
         first = 0
         for k, lanes in list(asked.items()):
-            complete, steps = fits[k]
-            try:
-                asked[k] = complete(steps.send(errors[first : first + len(lanes)]))
-            except StopIteration as end:
-                results[k] = end.value
-                del asked[k]
+            go_on(k, errors[first : first + len(lanes)])
             first += len(lanes)
     return [results[k] for k in range(len(fits))]
 

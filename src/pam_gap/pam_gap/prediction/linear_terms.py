@@ -7,8 +7,9 @@ columns of the Jacobian are known, so that they cost no simulation.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from weakref import WeakValueDictionary
 
 import numpy as np
 import numpy.typing as npt
@@ -20,16 +21,13 @@ from pam_gap.prediction.fit import (
     PlantFit,
     Scaling,
     Slopes,
-    bounded_step,
     fit_steps,
     mean_squares,
 )
+from pam_gap.prediction.fit_step import bounded_step
 from pam_gap.prediction.running_equations import KnownColumns, RunningEquations
 from pam_gap.rules import DEFAULT
 from pam_gap.rules.prediction_rules import PredictionRules
-
-MOST_KEPT = 2
-"""Arrays of cached columns for which the terms keep their products."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,23 +44,39 @@ class LinearTerms:
 
     columns: Array
     free: tuple[FreeParameter, ...]
-    _known: dict[int, tuple[Slopes | None, KnownColumns]] = field(
-        init=False, default_factory=dict, repr=False
+    _alone: list[KnownColumns] = field(default_factory=list, repr=False)
+    _beside: WeakValueDictionary[int, KnownColumns] = field(
+        default_factory=WeakValueDictionary, repr=False
     )
+
+    def without(self, absent: Sequence[bool]) -> LinearTerms:
+        """The same terms with the amounts of some of them fixed at 0; the columns are shared."""
+        free = tuple(
+            replace(one, low=0.0, high=0.0) if is_absent else one
+            for one, is_absent in zip(self.free, absent, strict=True)
+        )
+        return replace(self, free=free)
+
+    def slopes(self) -> Array:
+        """Derivative of the errors by the scaled amounts; 0 for an amount that is fixed."""
+        moves = [one.high > one.low for one in self.free]
+        return np.where(moves, self.columns * Scaling(self.free).size, 0.0)
 
     def known(self, cached: Slopes | None = None) -> KnownColumns:
         """The columns for scaled amounts, followed by `cached` ones.
 
-        Fits that begin with the same `cached` array share them.
+        Fits that run side by side with the same `cached` array share them.
         """
-        if id(cached) not in self._known:
-            columns: Slopes = self.columns * Scaling(self.free).size
-            if cached is not None:
-                columns = np.concatenate([columns, cached], axis=-1)
-            while len(self._known) >= MOST_KEPT:
-                del self._known[next(iter(self._known))]
-            self._known[id(cached)] = (cached, KnownColumns(columns))
-        return self._known[id(cached)][1]
+        if cached is None:
+            if not self._alone:
+                self._alone.append(KnownColumns(self.columns * Scaling(self.free).size))
+            return self._alone[0]
+        known = self._beside.get(id(cached))
+        if known is None:
+            columns = self.columns * Scaling(self.free).size
+            known = KnownColumns(np.concatenate([columns, cached], axis=-1), cached)
+            self._beside[id(cached)] = known
+        return known
 
 
 def best_amounts(
@@ -96,6 +110,7 @@ def fit_steps_with_terms(
     guess: Slopes | None = None,
     max_iterations: int = 8,
     tolerance: float | None = None,
+    errors: Array | None = None,
     rules: PredictionRules = DEFAULT.prediction,
     amounts: Array | None = None,
 ) -> FitSteps:
@@ -105,25 +120,24 @@ def fit_steps_with_terms(
     ----------
     terms : LinearTerms
         The terms. The result holds their amounts, and its errors contain them.
+    errors : ndarray, shape (blocks, channels), optional
+        Errors of the simulation alone at the start, where they are known.
     amounts : ndarray, shape (k,), optional
         Amounts that are not fitted but kept.
     """
+    inside = np.clip(start, [p.low for p in free], [p.high for p in free])
+    if errors is None:
+        errors = (yield inside[None])[0]
     if amounts is not None:
         kept = terms.columns @ amounts
         steps = fit_steps(
             free, start, rows=rows, floor=floor, cached=cached, guess=guess,
-            max_iterations=max_iterations, tolerance=tolerance, rules=rules,
+            max_iterations=max_iterations, tolerance=tolerance, errors=errors + kept, rules=rules,
         )  # fmt: skip
-        lanes = next(steps)
-        while True:
-            try:
-                lanes = steps.send((yield lanes) + kept)
-            except StopIteration as end:
-                found: PlantFit = end.value
-                return replace(found, amounts=amounts)
+        found = yield from _answered(steps, 0, lambda _: kept)
+        return replace(found, amounts=amounts, simulated=found.errors - kept)
     k = len(terms.free)
-    inside = np.clip(start, [p.low for p in free], [p.high for p in free])
-    amounts = best_amounts((yield inside[None])[0], terms, rows, floor)
+    amounts = best_amounts(errors, terms, rows, floor)
     steps = fit_steps(
         (*terms.free, *free),
         np.concatenate([amounts, inside]),
@@ -133,21 +147,25 @@ def fit_steps_with_terms(
         guess=guess,
         max_iterations=max_iterations,
         tolerance=tolerance,
+        errors=errors + terms.columns @ amounts,
         rules=rules,
     )
-    del cached, guess  # many fits run side by side, and each would keep its copy
-    lanes = next(steps)
-    while True:
-        errors = (yield lanes[:, k:]) + np.moveaxis(terms.columns @ lanes[:, :k].T, -1, 0)
-        try:
-            lanes = steps.send(errors)
-        except StopIteration as end:
-            found = end.value
-            return PlantFit(
-                found.values[k:],
-                found.errors,
-                found.objective,
-                found.jacobian[..., k:].copy(),  # a view would keep the whole of it
-                found.iterations,
-                found.values[:k],
-            )
+    del guess, errors  # many fits run side by side, and each would keep its copy
+    found = yield from _answered(
+        steps, k, lambda given: np.moveaxis(terms.columns @ given.T, -1, 0)
+    )
+    simulated = found.errors - terms.columns @ found.values[:k]
+    return replace(
+        found, values=found.values[k:], amounts=found.values[:k], simulated=simulated, reused=cached
+    )
+
+
+def _answered(steps: FitSteps, k: int, added: Callable[[Array], Array]) -> FitSteps:
+    """A fit of which the first `k` parameters are not simulated, but add to the errors."""
+    try:
+        lanes = next(steps)
+        while True:
+            lanes = steps.send((yield lanes[:, k:]) + added(lanes[:, :k]))
+    except StopIteration as end:
+        found: PlantFit = end.value
+        return found

@@ -128,6 +128,26 @@ def restart_values(measured: Array, sample_time: float) -> Array:
     return result
 
 
+def whiten(errors: Array, deviation: Array, compared: npt.NDArray[np.bool_]) -> None:
+    """Write errors in units of their noise over errors in the channels' units.
+
+    Parameters
+    ----------
+    errors : ndarray, shape (lanes, blocks, N_CHANNELS)
+        Errors; a simulation that diverges is off by `DIVERGED`.
+    deviation : ndarray, shape (N_CHANNELS,)
+        Noise of the mean of a block.
+    compared : ndarray of bool, shape (blocks, N_CHANNELS)
+        What was measured; the rest becomes NaN.
+    """
+    for error in errors:  # one by one, because copies of all of them need much memory
+        np.divide(error, deviation, out=error)
+        diverged = ~np.isfinite(error)
+        np.clip(error, -DIVERGED, DIVERGED, out=error)
+        error[diverged] = DIVERGED
+        error[~compared] = np.nan
+
+
 class PredictionProblem:
     """One joint of a rig, with one or more recordings of it.
 
@@ -275,11 +295,10 @@ class PredictionProblem:
                 catch_bandwidth=rules.catch_bandwidth,
                 threads=self.threads,
             )
-            error = error / data.block_deviation
-            error = np.where(np.isfinite(error), np.clip(error, -DIVERGED, DIVERGED), DIVERGED)
-            parts.append(np.where(compared, error, np.nan))
+            whiten(error, data.block_deviation, compared)
+            parts.append(error)
         self.simulations += len(values)
-        return np.concatenate(parts, axis=1)
+        return parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
 
     def _compared(self, data: Channels) -> npt.NDArray[np.bool_]:
         """Whether a row of the errors of one recording compares each channel."""

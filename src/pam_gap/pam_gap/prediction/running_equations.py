@@ -15,6 +15,13 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 
 
+def _compact(columns: npt.NDArray[np.floating[Any]]) -> Array:
+    """The columns of one channel in double precision; zeros alone take no memory."""
+    if not columns.any():
+        return np.broadcast_to(0.0, columns.shape)
+    return np.ascontiguousarray(columns, dtype=np.float64)
+
+
 class KnownColumns:
     """Columns of a Jacobian that do not change, and their products, for any number of fits.
 
@@ -22,12 +29,19 @@ class KnownColumns:
     ----------
     columns : ndarray, shape (blocks, channels, m)
         The columns; entries that are not finite count as 0.
+    source : ndarray, optional
+        An array that they were made from, which is kept as long as they are.
     """
 
-    def __init__(self, columns: npt.NDArray[np.floating[Any]]) -> None:
+    def __init__(
+        self,
+        columns: npt.NDArray[np.floating[Any]],
+        source: npt.NDArray[np.floating[Any]] | None = None,
+    ) -> None:
+        self.source = source
         if not np.isfinite(columns.sum()):
             columns = np.where(np.isfinite(columns), columns, 0.0)
-        self.columns: Array = np.ascontiguousarray(np.moveaxis(columns, 1, 0), dtype=np.float64)
+        self.columns = [_compact(columns[:, channel]) for channel in range(columns.shape[1])]
         self.count = columns.shape[-1]
         self._products: dict[bytes, Array] = {}
 
@@ -57,7 +71,8 @@ class RunningEquations:
     n : int
         Number of parameters.
     errors : ndarray, shape (blocks, channels)
-        Errors at the starting point; an entry that is not finite there is left out throughout.
+        Errors at the starting point; an entry that is not finite there is left out throughout, and
+        a channel without a finite one takes neither memory nor time.
     rows : ndarray of bool, shape (blocks,)
         Blocks that are fitted.
     known : KnownColumns
@@ -68,19 +83,22 @@ class RunningEquations:
         self, n: int, errors: Array, rows: npt.NDArray[np.bool_], known: KnownColumns
     ) -> None:
         blocks, channels = errors.shape
-        chosen = rows[:, None] & np.isfinite(errors)
+        measured = np.isfinite(errors)
+        chosen = rows[:, None] & measured
         first = known.count
         self._known = known
-        self._own: Array = np.zeros((channels, blocks, n - first))
+        self._channels = np.flatnonzero(measured.any(axis=0))
+        self._own: Array = np.zeros((self._channels.size, blocks, n - first))
         self._used: Array = chosen.astype(np.float64)
         self._products: Array = np.zeros((channels, n, n))
         self._products[:, :first, :first] = known.products(chosen)
 
     @property
-    def jacobian(self) -> npt.NDArray[np.float32]:
-        """The present columns, shape (blocks, channels, n); 0 where they are not finite."""
-        parts = [np.moveaxis(part, 0, 1) for part in (self._known.columns, self._own)]
-        return np.concatenate(parts, axis=-1, dtype=np.float32, casting="same_kind")
+    def own_columns(self) -> npt.NDArray[np.float32]:
+        """The columns after the known ones, shape (blocks, channels, n - m); 0 if not finite."""
+        result = np.zeros((*self._used.shape, self._own.shape[-1]), dtype=np.float32)
+        result[:, self._channels] = np.moveaxis(self._own, 0, 1)
+        return result
 
     def put(self, columns: npt.NDArray[np.intp], values: npt.NDArray[np.floating[Any]]) -> None:
         """Replace columns of the Jacobian after the known ones, in rising order.
@@ -102,8 +120,8 @@ class RunningEquations:
         at = slice(first, last + 1) if is_slice else columns
         m = self._known.count
         inside = slice(first - m, last + 1 - m) if is_slice else columns - m
-        for channel, products in enumerate(self._products):
-            own = self._own[channel]
+        for channel, own in zip(self._channels, self._own, strict=True):
+            products = self._products[channel]
             own[:, inside] = values[:, channel]
             used = own[:, inside] * self._used[:, channel, None]
             products[:m, at] = self._known.columns[channel].T @ used
@@ -121,10 +139,10 @@ class RunningEquations:
             One weight for each channel.
         """
         hessian: Array = np.tensordot(weights, self._products, axes=1)
-        present = np.where(np.isfinite(errors), errors, 0.0)
-        weighted = np.ascontiguousarray((present * self._used * weights).T).ravel()
-        parts = [
-            weighted @ part.reshape(weighted.size, part.shape[-1])
-            for part in (self._known.columns, self._own)
-        ]
-        return hessian, np.concatenate(parts)
+        slope, m = np.zeros(len(hessian)), self._known.count
+        for channel, own in zip(self._channels, self._own, strict=True):
+            present = np.where(np.isfinite(errors[:, channel]), errors[:, channel], 0.0)
+            weighted = present * self._used[:, channel] * weights[channel]
+            slope[:m] += weighted @ self._known.columns[channel]
+            slope[m:] += weighted @ own
+        return hessian, slope

@@ -15,7 +15,6 @@ from typing import Any, Final
 
 import h5py
 import numpy as np
-from scipy.io import loadmat
 
 from pam_gap.recordings.mat_sizes import refuse_impossible_sizes
 from pam_gap.recordings.size_limits import Allowance
@@ -129,6 +128,8 @@ def _mat(path: Path) -> Named:
         if HDF5_SIGNATURE in (file.read(8), file.seek(512) and file.read(8)):
             yield from _hdf5(path)
             return
+    from scipy.io import loadmat  # noqa: PLC0415  (slow to import, for these files alone)
+
     refuse_impossible_sizes(path)
     for name, value in loadmat(path, squeeze_me=True, struct_as_record=False).items():
         if not name.startswith("__"):

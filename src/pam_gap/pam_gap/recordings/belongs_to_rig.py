@@ -46,13 +46,11 @@ def joints_recorded(rig: Rig, recordings: Sequence[Recording]) -> list[int]:
     return found
 
 
-def refuse_no_bench(rig: Rig, needed: Sequence[str], recordings: Sequence[Recording]) -> None:
+def refuse_no_bench(needed: Sequence[str], recordings: Sequence[Recording]) -> None:
     """Refuse recordings that hold no muscle on a bench, with what is missing.
 
     Parameters
     ----------
-    rig : Rig
-        A rig without joints.
     needed : sequence of str
         Channels that are needed for its first bench muscle; empty if it has none.
     recordings : sequence of Recording

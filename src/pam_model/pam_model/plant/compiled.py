@@ -41,7 +41,6 @@ _NEVER_COMPILED = (
     "default_step",
     "force_table",
     "lane_choice",
-    "lever_arm",
     "mounting",
     "parameters",
     "plant_batch",
@@ -49,6 +48,7 @@ _NEVER_COMPILED = (
     "sensors",
     "simulate",
     "trajectory",
+    "uneven_pulley",
     "written_numbers",
 )
 

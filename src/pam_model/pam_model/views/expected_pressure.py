@@ -15,7 +15,6 @@ from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
-from scipy.linalg import expm
 
 from pam_model.effects.slots import Leak, Opening
 from pam_model.gas import pressure_rate, reference_density, valve_flow
@@ -70,6 +69,8 @@ def _spool_lag(
     """
     if damping is None:
         return (math.exp(-period / time_constant), 0.0), (0.0, 0.0)
+    from scipy.linalg import expm  # noqa: PLC0415  (slow to import; regulators alone need it)
+
     w = 1.0 / time_constant
     rows = expm(period * np.array([[0.0, 1.0], [-w * w, -2.0 * damping * w]])).tolist()
     return (rows[0][0], rows[0][1]), (rows[1][0], rows[1][1])

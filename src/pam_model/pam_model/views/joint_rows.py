@@ -13,6 +13,7 @@ from pam_model.joints.affine_inverse import Line, affine_line, affine_pressures
 from pam_model.physics.joint_geometry import (
     AGONIST_SIGN,
     ANTAGONIST_SIGN,
+    SIGNS,
     length_per_position,
     muscle_length,
 )
@@ -28,6 +29,7 @@ from pam_model.plant.layout import (
     M_NEUTRAL,
 )
 from pam_model.plant.muscle_stage import braid_force
+from pam_model.views.joint_numbers import SIDES
 
 
 def gravity(c: Any, position: float) -> float:
@@ -61,18 +63,22 @@ def length_rate(sign: float, c: Any, velocity: float) -> float:
     return float(length_per_position(sign, c[C_RADIUS]) * velocity)
 
 
-def torque_of(c: Any, agonist: float, antagonist: float) -> float:
-    """Torque [N m] of two pulls [N]."""
-    return float(c[C_RADIUS] * (agonist - antagonist))
+def torque_of(c: Any, pull: float) -> float:
+    """Torque [N m] of the sum of the muscles' pulls [N], each with its sign."""
+    return float(c[C_RADIUS] * pull)
 
 
-def muscles_torque(c: Any, table: Any, a: float, b: float, position: float) -> float:
-    """Torque of the muscles [N m] at pressures [Pa gauge] and a position [rad]."""
-    pull, _, _ = braid_force(AGONIST, c, table, a, length_of(AGONIST, AGONIST_SIGN, c, position))
-    against, _, _ = braid_force(
-        ANTAGONIST, c, table, b, length_of(ANTAGONIST, ANTAGONIST_SIGN, c, position)
-    )
-    return torque_of(c, max(0.0, pull), max(0.0, against))
+def muscles_torque(c: Any, table: Any, muscles: Any, pressure: int, position: float) -> float:
+    """Torque of the muscles [N m] at a position [rad].
+
+    `muscles` are rows, one for each muscle, whose element `pressure` is the pressure [Pa gauge].
+    """
+    total = 0.0
+    for k in range(len(muscles)):
+        length = length_of(SIDES[k], SIGNS[k], c, position)
+        pull, _, _ = braid_force(SIDES[k], c, table, muscles[k][pressure], length)
+        total += SIGNS[k] * max(0.0, pull)
+    return torque_of(c, total)
 
 
 def _line(m: int, c: Any, table: Any, length: float, low: float, high: float) -> Line:

@@ -35,7 +35,7 @@ _UNIT_CODES: Final = {
 }
 
 
-def read_configuration(top: Section, dictionary: Dictionary, node: int) -> Iterator[Step]:
+def read_configuration(top: Section, dictionary: Dictionary) -> Iterator[Step]:
     """The steps of the keys `configuration` and `expect`."""
     for key in ("expect", "configuration"):
         entries = top.get(key)
@@ -190,7 +190,7 @@ def input_steps(dictionary: Dictionary, signals: SignalReader) -> Iterator[Step]
             yield Check(places, round(digits), f"decimal digits of {one.name}", 0xFF)
 
 
-def vented_steps(dictionary: Dictionary, signals: SignalReader) -> Iterator[Step]:
+def vented_steps(signals: SignalReader) -> Iterator[Step]:
     """Every set point vents before the device is started."""
     for demand in signals.demands:
         kind = signals.types[demand.name]

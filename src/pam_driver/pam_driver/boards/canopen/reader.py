@@ -49,7 +49,6 @@ _HOST_NODE: Final = 127
 _MOST: Final = 8  # lines of a file that are reported one by one
 _HEARTBEATS_FOR_A_WATCHDOG: Final = 20
 _CONSUMER: Final = ObjectName(0x1016, 1)
-_BEHAVIOUR: Final = ObjectName(0x1029, 1)
 
 
 class CanopenDeviceReader:
@@ -176,7 +175,7 @@ class CanopenDeviceReader:
         timeout = top.number("sdo_timeout", _SDO_TIMEOUT) or 0.1
         guards, watchdog = self._watchdog(dictionary, signals)
         identity = list(self._identity(dictionary))
-        extra = list(configuration.read_configuration(top, dictionary, node))
+        extra = list(configuration.read_configuration(top, dictionary))
         plans = {
             direction: self._plans(direction, signals, dictionary, node, write)
             for direction in (RPDO, TPDO)
@@ -202,7 +201,7 @@ class CanopenDeviceReader:
             if write:
                 steps += unused_off([plan.number for plan in chosen], direction, dictionary)
         steps += configuration.input_steps(dictionary, signals)
-        steps += configuration.vented_steps(dictionary, signals)
+        steps += configuration.vented_steps(signals)
         for key, text in refused_steps(steps, dictionary, self._file_key):
             top.add(key, text)
         off = top.flag("outputs_off_on_error")

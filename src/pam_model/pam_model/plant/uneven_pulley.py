@@ -23,7 +23,7 @@ from pam_model.plant.parameters import Vector as Array
 
 
 @dataclass(frozen=True, slots=True)
-class LeverArm:
+class UnevenPulley:
     """The lever arm r factor (1 + slope q + bend q^2) of a pulley with the stated radius r.
 
     Attributes
@@ -55,5 +55,5 @@ class LeverArm:
             )
 
 
-ROUND: Final = LeverArm()
+ROUND: Final = UnevenPulley()
 """The arm of a round pulley with the stated radius."""

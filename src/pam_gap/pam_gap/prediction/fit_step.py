@@ -1,0 +1,121 @@
+"""One Gauss-Newton step of a fit within bounds, and the dampings that are tried for it.
+
+Source: Nocedal and Wright, Numerical Optimization, chapters 10 and 16.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+if TYPE_CHECKING:
+    from pam_gap.prediction.fit import Scaling
+
+Array = npt.NDArray[np.float64]
+MOST_ACTIVE_SETS = 20
+
+
+def bounded_step(hessian: Array, slope: Array, low: Array, high: Array) -> Array:
+    """Minimiser of x.H.x/2 + g.x in a box that contains 0 (H positive semidefinite).
+
+    Source: primal-dual active sets, Hintermueller, Ito and Kunisch, SIAM J. Optim. 13 (2002); where
+    they do not settle, bounded-variable least squares, Stark and Parker, Computational Statistics
+    10 (1995).
+    """
+    size = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
+    scaled = hessian / np.outer(size, size)
+    scaled[np.diag_indices(size.size)] += 1e-9
+    pull, least, most = slope / size, low * size, high * size
+    x, force = np.zeros_like(pull), np.zeros_like(pull)
+    fixed = least == most
+    at = fixed.astype(np.int64)
+    for _ in range(MOST_ACTIVE_SETS):
+        free = at == 0
+        x = np.where(at < 0, least, np.where(at > 0, most, 0.0))
+        target = -pull[free] - scaled[np.ix_(free, ~free)] @ x[~free]
+        x[free] = np.linalg.solve(scaled[np.ix_(free, free)], target)
+        force = np.where(free, 0.0, -(scaled @ x + pull))
+        moved = x + force
+        before, at = at, np.where(fixed | (moved > most), 1, np.where(moved < least, -1, 0))
+        if (at == before).all():
+            return np.asarray(np.clip(x / size, low, high))
+    from scipy.optimize import lsq_linear  # noqa: PLC0415  (slow to import, seldom needed)
+
+    root = np.linalg.cholesky(scaled)
+    bounds = (least - 1e-12, most + 1e-12)
+    found = lsq_linear(root.T, -np.linalg.solve(root, pull), bounds, method="bvls", tol=1e-10)
+    return np.asarray(np.clip(found.x / size, low, high))
+
+
+@dataclass(frozen=True, slots=True)
+class FitStep:
+    """One accepted step of a fit.
+
+    Attributes
+    ----------
+    at : ndarray, shape (n,)
+        The new point, scaled.
+    errors : ndarray, shape (blocks, channels)
+        Errors there.
+    value : float
+        Objective there.
+    damping : float
+        Damping with which the next step begins.
+    is_as_promised : bool
+        Whether the undamped step brought what the Jacobian promised.
+    """
+
+    at: Array
+    errors: Array
+    value: float
+    damping: float
+    is_as_promised: bool
+
+
+def best_step(
+    hessian: Array,
+    slope: Array,
+    scaling: Scaling,
+    at: Array,
+    best: float,
+    damping: float,
+    attempts: int,
+    objective: Callable[[Array, Array], Array],
+    promise: float,
+) -> Generator[Array, Array, FitStep | None]:
+    """Try steps with several dampings; the best one that lowers the objective below `best`.
+
+    The first step is tried alone. Where it brings what the Jacobian promises, the shorter ones are
+    not simulated.
+    """
+    scale = np.maximum(np.diag(hessian), 1e-9 * float(np.max(np.diag(hessian))) + 1e-12)
+    low, high = scaling.low - at, scaling.high - at
+    for attempt in range(attempts):
+
+        def damped(factor: float, now: float = damping) -> Array:
+            added = np.diag(scale * (now * factor + 1e-10))
+            return bounded_step(hessian + added, slope, low, high)
+
+        step = damped(min(attempt, 1))
+        lanes = at + step[None]
+        errors = yield scaling.own(lanes)
+        values = objective(errors, lanes)
+        promised = -float(slope @ step + 0.5 * step @ hessian @ step)
+        kept = best - float(values[0]) > promise * promised > 0.0
+        if not kept:
+            others = at + np.array([damped(30.0), 0.3 * step])
+            lanes = np.concatenate([lanes, others])
+            errors = np.concatenate([errors, (yield scaling.own(others))])
+            values = objective(errors, lanes)
+        winner = int(np.argmin(values))
+        if values[winner] < best:
+            next_damping = max(damping * (0.1, 30.0, 10.0)[winner], 1e-5)
+            kept = kept and attempt == 0
+            won = errors[winner].copy()  # a view keeps all lanes of the batch
+            return FitStep(lanes[winner], won, float(values[winner]), next_damping, kept)
+        damping *= 1000.0
+    return None

@@ -1,0 +1,75 @@
+"""The cycle takes the muscles of a joint from a table: it goes through any number of them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pam_control.cycle.joint_cycle import (
+    K_SEEN_POSITION,
+    K_VALVE_LIMITED,
+    N_STATE,
+    U_PRESSURE_RATE,
+    U_SCHEDULE,
+    demand,
+    settle,
+)
+from pam_control.laws.position_plan import last_to_act, planned
+from pam_control.rows.loop_rows import D_AHEAD, D_POSITION, D_RATE, D_REFERENCE, N_DEMAND
+from pam_control.rows.plan_rows import (
+    N_CYCLE,
+    N_MUSCLE,
+    W_ACTS,
+    W_AHEAD,
+    W_DESIRED,
+    W_MOST,
+    W_RATE,
+    W_REACHED,
+    W_SHIFT,
+    X_SEEN,
+)
+from pam_model.plant.compiled import for_kernel
+
+REACHED = {1: [2e5], 2: [2e5, 1e5], 3: [2e5, 1e5, 3e5], 4: [2e5, 1e5, 3e5, 2.5e5]}
+"""Pressures that a plan has found, by the number of muscles [Pa]."""
+
+
+def rows(*shape: int) -> Any:
+    return for_kernel(np.zeros(shape))
+
+
+@pytest.mark.parametrize("muscles", REACHED)
+def test_each_muscle_gets_its_own_pressure(muscles: int) -> None:
+    """The plan of each one arrives at its own loop, whatever the order of the loops."""
+    reached, step, rate = REACHED[muscles], 0.002, 1e7
+    w, x, d = rows(1, muscles, N_MUSCLE), rows(1, N_CYCLE), rows(muscles, N_DEMAND)
+    k, u = rows(1, N_STATE), rows(1, U_SCHEDULE)
+    places = list(range(muscles))[::-1]
+    owned = for_kernel(np.array([places], dtype=np.int64))
+    u[0][U_PRESSURE_RATE], k[0][K_SEEN_POSITION], x[0][X_SEEN + 1] = rate, 0.3, 0.1
+    for number, muscle in enumerate(w[0]):
+        muscle[W_REACHED], muscle[W_SHIFT], muscle[W_MOST] = reached[number], 1e3, 2.9e5
+        muscle[W_DESIRED] = reached[number]
+        muscle[W_RATE], muscle[W_AHEAD], muscle[W_ACTS + 1] = number, -number, 0.1 + number
+    planned(w[0], x[0], rows(1, 99)[0])
+    demand(owned, w, x, k, u, d, step)
+    for number, place in enumerate(places):
+        limit = min(reached[number] + 1e3, 2.9e5)
+        assert d[place][D_REFERENCE] == max(limit, reached[number] - rate * step)
+        assert (d[place][D_RATE], d[place][D_AHEAD]) == (number, -number)
+        assert d[place][D_POSITION] == pytest.approx(0.3 + number)
+
+
+@pytest.mark.parametrize("muscles", REACHED)
+def test_any_of_its_valves_may_be_limited_or_the_last_to_act(muscles: int) -> None:
+    owned = for_kernel(np.arange(muscles, dtype=np.int64)[None])
+    for chosen in range(muscles):
+        w, k, cut = rows(muscles, N_MUSCLE), rows(1, N_STATE), rows(muscles)
+        w[chosen][W_ACTS] = 0.01
+        assert last_to_act(w) == chosen
+        for is_cut in (0.0, 1.0):
+            cut[chosen] = is_cut
+            settle(owned, rows(1, N_CYCLE), k, rows(1, U_SCHEDULE), cut, 0.002, False)
+            assert k[0][K_VALVE_LIMITED] == is_cut
