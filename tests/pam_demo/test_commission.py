@@ -135,7 +135,7 @@ def test_numbers_with_which_nothing_is_planned_any_more_are_not_identified(
     def refused(
         _rig: object, _joint: int, recordings: list[object], *_: object, **__: object
     ) -> Any:
-        fitted.append(len(recordings))
+        fitted.append(list(map(str, recordings)))
         return Calibration("elbow", numbers=(object(),), refused=("Enough.",))  # type: ignore[arg-type]
 
     monkeypatch.setattr(sequence_module, "calibrate_joint", refused)
