@@ -14,8 +14,8 @@ from pam_check.__main__ import main
 from pam_check.blind.effect_cases import KNOWN, size_of
 from pam_check.blind.hidden_size import CLEAN
 from pam_check.blind.truth_plant import PressureExcitation, Sensors, run_truth
-from pam_check.control.closed_loop import PERIOD, TOLD, play, true_rig
-from pam_check.control.rough_control import RoughControl
+from pam_check.control.closed_loop import PERIOD, TOLD, PlayedRun, play, true_rig
+from pam_check.control.rough_control import RoughControl, RoughResult
 from pam_check.control.running_truth import RunningTruth
 from pam_check.control.tuned_pid import TuningBench, tune
 from pam_control.control_step import Measurement
@@ -106,6 +106,19 @@ def test_the_controller_tracks_the_independent_plant_that_is_its_rig_file(rough)
         assert result.controller.clipped == 0.0
         assert result.problems() == []
         assert math.isnan(result.ratio)
+
+
+@pytest.mark.parametrize(
+    ("first", "last", "harmed"),
+    [(0.63, 0.17, 1), (0.29, 0.29, 0), (0.17, 0.32, 1), (4.1, 4.0, 0), (4.3, 4.3, 2)],
+)
+def test_what_is_worse_than_without_adaptation_is_counted(first, last, harmed):
+    """Neither 5 % of a large error nor 0.1 mrad of a small one is harm."""
+    without = 0.2 if first < 1.0 else 4.0  # mrad
+    mine, later, plain = (PlayedRun(1e-3 * rms, 0.0, 0.0, 10.0) for rms in (first, last, without))
+    result = RoughResult("payload", "arm", later, mine, unadapted=(plain, plain))
+    assert len(result.harm()) == harmed
+    assert len(result.problems()) == harmed
 
 
 @pytest.mark.long(BASELINE)

@@ -210,7 +210,7 @@ class RoughControl:
                 for index in range(self._plays)
             ]
             seconds = (time.process_time() - start) / self._plays
-            plain = ()
+            plain: tuple[PlayedRun, ...] = ()
             if self._unadapted is not None:
                 plain = tuple(
                     play(self._unadapted, joint, muscles, points, self._seed + index)[0]

@@ -96,7 +96,7 @@ class JointChannel:
         self.models, self.loops = models, loops
         self._setup, self._state = setup, state
         place = models.joint.place
-        self._w, self._x, self._k = rows.w[place], rows.x[place], rows.k[place]
+        self._w, self._x, self._k = tuple(rows.w[place]), rows.x[place], rows.k[place]
         self._sinking_from: Pair | None = None  # desired pressures when the lowering began [Pa]
         self._law_telemetry: LawTelemetry | None = None  # of a law that plans by itself
         self._telemetry = JointTelemetry()
@@ -312,8 +312,8 @@ class JointChannel:
         self._x[X_TORQUE_LIMITED] = 0.0
         self._law_telemetry = self._telemetry.law._replace(clipped=())
 
-    def tell(self, w: list[list[float]], x: list[float], k: list[float]) -> None:
-        """Keep the telemetry of a cycle, from the rows of the joint and its muscles."""
+    def tell(self, x: list[float], k: list[float]) -> None:
+        """Keep the telemetry of a cycle, from the joint's rows."""
         law, unexplained = self._law_telemetry, math.nan
         if law is None:
             unexplained = x[X_UNEXPLAINED]
@@ -335,7 +335,7 @@ class JointChannel:
             JointReference(x[X_SEEN + 1], x[X_SEEN + 2], x[X_SEEN + 3]),
             MeasuredMotion(k[K_POSITION], k[K_VELOCITY], k[K_TIME]),
             k[K_SEEN_ERROR],
-            (w[0][W_DESIRED], w[1][W_DESIRED]),
+            self._desired,
             clipped,
             sum(loop.behind_tube for loop in self.loops),
             law,
