@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
 import pytest
 import yaml
 
@@ -16,11 +18,13 @@ import pam_demo.commission.sequence as sequence_module
 from pam_demo.__main__ import main
 from pam_demo.commission.commission import run, to_document, write_results
 from pam_demo.commission.kept import Kept
+from pam_demo.commission.lower_priority import NICENESS, at_lower_priority
 from pam_demo.commission.page import render
 from pam_demo.commission.sequence import Commissioned, Commissioning, EndedError
 from pam_demo.commission.tracking import reaches
 from pam_gap.calibration.calibration import Calibration
 from pam_gap.calibration.free_numbers import Said
+from pam_model.errors import PamError
 from pam_model.rig import Rig, load_rig
 from pam_model.rig.partial import load_partial_rig
 from support.commission_ports import EXCHANGES, PERIOD, WiredPort
@@ -112,6 +116,33 @@ def test_after_an_interruption_it_goes_on_behind_the_last_recording(
     rough.write_text(rough.read_text() + "\n# another\n")
     third, said = begin(WiredPort(elbow), refused="small steps of the angle")
     assert [step.motion for step in third.steps] == ["filling"]
+
+
+def test_numbers_with_which_nothing_is_planned_any_more_are_not_identified(
+    elbow: Rig,
+    begin: Callable[..., Any],
+    rough: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    table = pd.DataFrame({"time": [0.0, PERIOD]})
+    kept = Kept(tmp_path / "out", rough.read_text())
+    kept.check()
+    for name in ("filling", "staircase", "steps"):
+        kept.add(name, table)
+    fitted: list[list[str]] = []
+
+    def refused(
+        _rig: object, _joint: int, recordings: list[object], *_: object, **__: object
+    ) -> Any:
+        fitted.append(list(map(str, recordings)))
+        return Calibration("elbow", numbers=(object(),), refused=("Enough.",))  # type: ignore[arg-type]
+
+    monkeypatch.setattr(sequence_module, "calibrate_joint", refused)
+    monkeypatch.setattr(sequence_module, "as_recording", lambda _table, name, _step: name)
+    done, _ = begin(WiredPort(elbow))
+    assert done.ended == "Enough."
+    assert fitted == [["staircase", "steps"]]
 
 
 @pytest.mark.usefixtures("quick_limits")
@@ -230,3 +261,51 @@ def test_recordings_of_one_robot_do_not_pass_for_those_of_another(
 def _refused(self: Commissioning, what: str, ask: Callable[[str], bool]) -> None:
     if not ask(what):
         raise EndedError(f"not allowed: {what}")
+
+
+def test_what_computes_has_a_lower_priority_and_what_moves_keeps_its_own() -> None:
+    before = os.nice(0)
+    assert at_lower_priority(lambda: os.nice(0)) == min(before + NICENESS, 19)
+    assert os.nice(0) == before
+
+    def fails() -> None:
+        raise PamError("no numbers")
+
+    with pytest.raises(PamError, match="no numbers"):
+        at_lower_priority(fails)
+
+
+class PausingPort(WiredPort):
+    """A robot whose computer stands still for 0.3 s at some readings of one motion."""
+
+    def __init__(self, rig: Rig, pauses: tuple[int, ...]) -> None:
+        super().__init__(rig)
+        self.pauses, self.late = pauses, 0.0
+
+    def advance(self, commands: Any) -> Any:
+        reading = super().advance(commands)
+        if len(self.truth) in self.pauses:
+            self.late += 0.3
+        return reading._replace(time=reading.time + self.late)
+
+
+FILLING = 1400
+"""A reading in the first motion, behind the start-up check."""
+
+
+@pytest.mark.usefixtures("quick_limits")
+def test_a_motion_in_which_the_computer_stood_still_is_played_again(
+    elbow: Rig, begin: Callable[..., Any]
+) -> None:
+    done, said = begin(PausingPort(elbow, (FILLING,)), refused="small steps of the angle")
+    assert "the computer stood still for 0.30 s: the air was let out slowly" in "\n".join(said)
+    assert [step.motion for step in done.steps] == ["filling"]
+    assert "not allowed" in done.ended
+
+
+@pytest.mark.usefixtures("quick_limits")
+def test_a_computer_that_stands_still_in_every_motion_is_the_reason(
+    elbow: Rig, begin: Callable[..., Any]
+) -> None:
+    done, _ = begin(PausingPort(elbow, tuple(range(FILLING, 10**5, 40))))
+    assert "filling: the computer stood still for 0.30 s" in done.ended

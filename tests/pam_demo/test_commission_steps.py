@@ -299,3 +299,92 @@ def test_a_robot_whose_driver_has_vented_is_no_still_robot(
     played = play(port, elbow, staircase(scale), scale, Limits.of(elbow))
     assert "do not follow their commands" in played.stopped
     assert len(port.truth) * PERIOD < 8.0
+
+
+# --- a busy computer ------------------------------------------------------------------------------
+
+
+class InterruptedPort(WiredPort):
+    """A robot whose measurements are missing for a while, from one reading to another one."""
+
+    def __init__(self, rig: Rig, exchanged: str, missing: range, refusal: str = "") -> None:
+        super().__init__(rig, exchanged)
+        self.missing, self.refusal = missing, refusal
+
+    def advance(self, commands: Sequence[float]) -> JointReading:
+        reading = super().advance(commands)
+        if len(self.truth) not in self.missing:
+            return reading
+        unknown = reading._replace(position=math.nan, pressures=(math.nan, math.nan))
+        return unknown._replace(refusal=self.refusal)
+
+
+TOUCHING = 320  # readings
+CHECKING = 900
+
+
+@pytest.mark.parametrize("begin", range(1, TOUCHING, 20))
+def test_a_measurement_that_is_missing_for_a_moment_accuses_no_valve(
+    elbow: Rig, begin: int
+) -> None:
+    """Before, the valve that was touched filled the first muscle, which had no pressure at all."""
+    assert touch(InterruptedPort(elbow, "", range(begin, begin + 9)), elbow) == ""
+
+
+@pytest.mark.parametrize("begin", range(1, TOUCHING, 60))
+def test_a_reversed_valve_is_told_although_a_measurement_was_missing(
+    elbow: Rig, begin: int
+) -> None:
+    port = InterruptedPort(elbow, "sign of one valve", range(begin, begin + 9))
+    assert "sign of its command is reversed" in touch(port, elbow)
+
+
+@pytest.mark.parametrize("begin", range(1, CHECKING, 130))
+def test_the_check_repeats_a_pulse_in_which_measurements_were_missing(
+    elbow: Rig, begin: int
+) -> None:
+    missing = range(begin, begin + 40)
+    assert start_up_check(InterruptedPort(elbow, "", missing), elbow) == ()
+    (found, *_) = start_up_check(InterruptedPort(elbow, "hoses", missing), elbow)
+    assert "crossed" in found or "exchanged" in found
+
+
+def test_measurements_that_stay_away_are_the_reason(elbow: Rig) -> None:
+    for begin in (1, 150):
+        text = touch(InterruptedPort(elbow, "", range(begin, 10**6)), elbow)
+        assert text == "A pressure or the angle is missing or too old."
+        (found,) = start_up_check(InterruptedPort(elbow, "", range(begin, 10**6)), elbow)
+        assert found == "a pressure or the angle is missing or too old"
+
+
+def test_a_driver_that_takes_no_commands_is_the_reason(elbow: Rig) -> None:
+    """It has vented, and then no valve seems to open."""
+    why = "the driver is in fault (it stood still for 0.2 s)"
+    for begin in (1, 150):
+        assert why[1:] in touch(InterruptedPort(elbow, "", range(begin, 10**6), why), elbow)
+        (found,) = start_up_check(InterruptedPort(elbow, "", range(begin, 10**6), why), elbow)
+        assert found == why
+    inactive = InterruptedPort(elbow, "", range(1, 10**6), why)
+    assert "clear its faults and activate it" in touch(inactive, elbow)
+    scale, limits = scale_of(elbow, PERIOD), Limits.of(elbow)
+    port = InterruptedPort(elbow, "", range(200, 10**6), why)
+    assert play(port, elbow, filling(scale), scale, limits).stopped == why
+
+
+def test_a_valve_whose_zero_is_off_is_no_reversed_one(elbow: Rig) -> None:
+    class LeakingPort(WiredPort):
+        def advance(self, commands: Sequence[float]) -> JointReading:
+            return super().advance((commands[0] + 0.03, commands[1]))
+
+    text = touch(LeakingPort(elbow), elbow)
+    assert text.startswith("elbow_flexor fills although its valve should be shut")
+
+
+def test_a_single_wrong_reading_accuses_no_valve(elbow: Rig) -> None:
+    class NoisyPort(WiredPort):
+        def advance(self, commands: Sequence[float]) -> JointReading:
+            time, position, pressures, _ = super().advance(commands)
+            outlier = 8e3 if len(self.truth) % 40 == 39 else 0.0
+            return JointReading(time, position, (pressures[0], pressures[1] + outlier))
+
+    assert touch(NoisyPort(elbow), elbow) == ""

@@ -1,4 +1,4 @@
-"""Commands go on while the process that commissions computes; the port says when its node ends."""
+"""Commands go on while the process that commissions computes; the port says what ends them."""
 
 from __future__ import annotations
 
@@ -8,12 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticStatus
 from sensor_msgs.msg import JointState
 
 from pam_demo.chain import set_environment
 from pam_demo.commission.ros_port_node import RosPort, open_ros_port
 from pam_model.errors import PamError
 from pam_model.rig import Rig, load_rig
+from pam_ros.driver_state import LATCHED, driver_state_message
 from support.probe import Probe
 
 ELBOW = Path(__file__).parents[2] / "config" / "elbow.yaml"
@@ -39,6 +41,8 @@ def measured(probe: Probe, elbow: Rig) -> Iterator[Probe]:
             joints.publish(JointState(name=list(elbow.joint_names), position=[0.1]))
             pressures.publish(JointState(name=list(elbow.muscle_names), effort=[2e4, 3e4]))
 
+    states = probe.node.create_publisher(DiagnosticStatus, "pam_driver/state", LATCHED)
+    states.publish(driver_state_message("pam_driver", "fault", "the driver stood still"))
     thread = threading.Thread(target=publish, daemon=True)
     thread.start()
     yield probe
@@ -59,6 +63,7 @@ def test_commands_go_on_while_this_process_computes(
         measured.wait_for("commands", lambda: len(commands) > first + 20, 10.0)
         reading = port.advance([0.1, 0.0])
         assert np.isfinite(reading.time)
+        assert reading.refusal == "the driver is fault (the driver stood still)"
     stamps = [m.header.stamp.sec + 1e-9 * m.header.stamp.nanosec for m in commands]
     assert max(np.diff(stamps)) < COMMAND_TIMEOUT
     assert list(commands[-1].position) == [-1.0, -1.0]  # vented at the end

@@ -16,11 +16,13 @@ from pam_driver.safety.states import SafetyState
 from pam_model.identify.size import size_joint, sized_rig
 from pam_model.rig import Rig, load_rig
 from pam_model.robot import compose
+from pam_sim.boards.protocol import BoardSettings
 from pam_sim.simulated_rig import SimulatedRig
 
 TICK = 0.002  # s, a cycle of the driver
 STEP = 1e-3  # s, of the simulated rig
 PATIENCE = 30.0  # s
+PAUSES = ("between two cycles", "before the frames are read", "before the commands are sent")
 
 
 @dataclass
@@ -71,12 +73,20 @@ def desk_of(elbow: Rig, **given: object) -> Desk:
 
 
 class Bench:
-    """A simulated rig and a driver with start-up check, which may read another rig file."""
+    """A simulated rig and a driver with start-up check, which may read another rig file.
+
+    The boards may have another watchdog than theirs [s].
+    """
 
     def __init__(
-        self, rig: Rig, wired: Rig | None = None, effects: dict[str, float] | None = None
+        self,
+        rig: Rig,
+        wired: Rig | None = None,
+        effects: dict[str, float] | None = None,
+        watchdog: float | None = None,
     ) -> None:
-        self.sim = SimulatedRig(rig, effects=effects)
+        board = BoardSettings(watchdog_period=watchdog)
+        self.sim = SimulatedRig(rig, effects=effects, board=board)
         self.can = VirtualCan()
         port = CanPort({"interface": "simulated", "channel": "check"}, self.can)
         settings = DriverSettings(start_up_check=True)
@@ -88,14 +98,36 @@ class Bench:
         self._rest: list[float] = []
 
     def step(self) -> None:
+        self._rig_goes_on()
+        if self._tick % 2 == 0:
+            self.driver.cycle(self.now, self.now)
+
+    def stand_still(self, duration: float, where: str) -> None:
+        """A pause of the driver [s], at one of the places of `PAUSES`; the rig goes on."""
+        steps = round(duration / STEP)
+
+        def pause(_: object = None) -> None:
+            for _ in range(steps):
+                self._rig_goes_on()
+
+        def clock() -> tuple[float, float]:
+            return self.now, self.now
+
+        began = self.now
+        if where in PAUSES[:2]:
+            pause()
+        if where == PAUSES[0]:
+            began = self.now
+        control = pause if where == PAUSES[2] else None
+        self.driver.cycle(began, began, clock, control)
+
+    def _rig_goes_on(self) -> None:
         self._tick += 1
         self.now += STEP
         while self.can.to_boards:
             self.sim.on_frame(*self.can.to_boards.popleft(), self.now)
         for frame in self.sim.advance(self.now):
             self.can.deliver(frame, self.now)
-        if self._tick % 2 == 0:
-            self.driver.cycle(self.now, self.now)
         truth = self.sim.ground_truth()
         self._rest = self._rest or truth.positions
         turned = [abs(here - at) for here, at in zip(truth.positions, self._rest, strict=True)]

@@ -75,7 +75,7 @@ def test_an_empty_muscle_is_full_again_above_the_band_or_at_once_when_air_is_let
 def test_only_a_muscle_that_stays_full_while_all_vent_is_a_fault(watch: ExhaustWatch) -> None:
     watch.update([LIMIT, 0.0], False, 1.0)
     assert list(watch.conditions(9.0)) == []
-    watch.update([LIMIT, 0.0], True, 2.0)
+    feed(watch, LIMIT, 0.0, 2.0, 2.998)
     watch.update([LIMIT, math.nan], True, 3.0)
     assert list(watch.conditions(2.0 + TIMEOUT)) == []
     (found,) = watch.conditions(2.001 + TIMEOUT)
@@ -88,6 +88,16 @@ def test_only_a_muscle_that_stays_full_while_all_vent_is_a_fault(watch: ExhaustW
     assert list(watch.conditions(9.0)) == []
     watch.update([LIMIT, 0.0], True, 10.0)
     assert list(watch.conditions(10.0 + TIMEOUT)) == []
+
+
+def test_a_pause_of_the_computer_is_no_time_of_venting(watch: ExhaustWatch) -> None:
+    """The valves may have stayed open meanwhile; what was seen before and after it counts."""
+    feed(watch, LIMIT, 0.0, 1.0, 1.5)
+    feed(watch, LIMIT, 0.0, 4.5, 5.4)
+    assert list(watch.conditions(5.4)) == []
+    feed(watch, LIMIT, 0.0, 5.402, 5.46)
+    (found,) = watch.conditions(5.46)
+    assert found.kind == "exhaust_blocked"
 
 
 @pytest.mark.parametrize(

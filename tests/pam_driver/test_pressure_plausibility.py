@@ -312,6 +312,17 @@ def test_a_restart_forgets_every_deviation_of_a_pressure(rig: Rig) -> None:
     assert list(plausibility.deviations()) == []
 
 
+def test_a_restart_forgets_the_balance_of_a_joint(rig: Rig) -> None:
+    """Its speed from before a pause and that of after it would make an acceleration."""
+    limits = replace(SHARP, pressure_residual=1e12)
+    plausibility = PressurePlausibility(compose(replace(rig, plausibility=limits)), PERIOD)
+    for _ in range(10):
+        plausibility.update([0.0, 0.0], [4e5, 1e5], [0.3], [0.0], UNKNOWN)
+    assert len(list(plausibility.deviations())) == 1
+    plausibility.restart()
+    assert list(plausibility.deviations()) == []
+
+
 @pytest.mark.parametrize(("missing", "balanced"), [(2, True), (3, False)])
 def test_the_balance_of_a_joint_outlives_a_gap_of_fifty_milliseconds(
     missing: int, balanced: bool, rig: Rig

@@ -94,3 +94,16 @@ def test_a_file_keeps_it_and_refuses_it_for_a_flow_valve(tmp_path: Path) -> None
     path.write_text(text.replace("kind: flow", "kind: flow\n        damping: 0.7"))
     with pytest.raises(RigError, match=r"elbow_flexor.valve.damping = 0.7: only a pressure_regul"):
         load_rig(path)
+
+
+@pytest.mark.parametrize("damping", [0.3, 0.45, 0.65, 1.6])
+def test_a_regulator_whose_flow_is_limited_does_not_wind_up(damping: float) -> None:
+    """With a damping below 0.5 the pressure that its outlet follows grew without an end."""
+    parameters = PlantParameters.from_rig(regulated(damping, 4e-9))
+    start = initial_state(parameters, pressures=(0.0, 0.0), commands=(0.0, 0.0))
+    made = simulate(parameters, np.full((1500, 2), STEP_TO), PERIOD, start, step=2.5e-4)
+    overshoot = math.exp(-math.pi * damping / math.sqrt(1.0 - damping**2)) if damping < 1.0 else 0.0
+    for side in ("agonist", "antagonist"):
+        pressure = made[f"{side}.pressure"]
+        assert pressure.max() <= (1.0 + overshoot) * STEP_TO + 1e3
+        assert np.abs(pressure[-500:] - STEP_TO).max() < 100.0

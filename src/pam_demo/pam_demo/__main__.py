@@ -11,15 +11,12 @@ if __name__ == "__main__":  # before the imports below, which take time
 
 import sys
 from collections.abc import Sequence
-from functools import partial
 
 from pam_model.argument_types import count, input_file, number, output_folder
 from pam_model.command_line import Arguments, Command, Outcome, Parser, Tool, add_rig
 
 DEFAULT_EFFECT = "coulomb_friction.torque=0.5"
 EFFECT = "EFFECT.PARAMETER=VALUE"
-NICENESS = 10
-"""Of the computations of a commissioning, below the driver and the node that sends commands."""
 
 
 def _demo(given: Arguments) -> Outcome:
@@ -123,7 +120,7 @@ def _commission(given: Arguments) -> Outcome:
     from pam_demo.commission.commission import run  # noqa: PLC0415  (scipy, numba)
     from pam_demo.commission.ros_port_node import open_ros_port  # noqa: PLC0415  (rclpy)
 
-    return run(given, partial(open_ros_port, niceness=NICENESS))
+    return run(given, open_ros_port)
 
 
 def _declare_commission(parser: Parser) -> None:

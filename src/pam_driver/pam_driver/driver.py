@@ -111,9 +111,12 @@ class Driver:
             robot,
             settings.vented_pressure,
             settings.exhaust_timeout or exhaust_timeout(robot, settings.vented_pressure),
+            settings.period,
         )
         self._lowering = LoweringSetpoints(robot, settings.lowering_speed)
-        self._check = StartUpCheck(robot, self._vents) if settings.start_up_check else None
+        self._check = None
+        if settings.start_up_check:
+            self._check = StartUpCheck(robot, self._vents, settings.period)
         self._lock = threading.Lock()
         self._fractions: tuple[float, ...] | None = None
         self._command_time = NEVER

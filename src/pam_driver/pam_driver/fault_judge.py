@@ -13,6 +13,7 @@ from pam_driver.can_bus.bus import BusState
 from pam_driver.driver_settings import DriverSettings
 from pam_driver.safety.joint_speed import JointSpeedWatch
 from pam_driver.safety.loop_watch import LoopWatch
+from pam_driver.safety.pauses import longest_gap
 from pam_driver.safety.pressure_plausibility import LONGEST_GAP, Deviation
 from pam_driver.safety.sensor_checks import SensorChecks
 from pam_driver.safety.since_judged import SinceJudged
@@ -220,7 +221,7 @@ class FaultJudge:
             Monotonic time [s].
         """
         pause, self._judged_at = now - self._judged_at, now
-        if LONGEST_GAP < pause < math.inf:  # infinite before the first cycle
+        if longest_gap(self._settings.period) < pause < math.inf:  # infinite before the first cycle
             self._paused_at, self._pause = now, pause
         plausibility = self._plausibility
         self._air_since = math.inf if setpoints is None else min(self._air_since, now)

@@ -15,7 +15,8 @@ import math
 import os
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -74,6 +75,17 @@ def take_priority(priority: int, thread: int = 0) -> int:
     except OSError:
         return 0
     return priority
+
+
+@contextmanager
+def real_time(priority: int) -> Iterator[None]:
+    """Give this thread a real-time priority for as long as the context lasts, if permitted."""
+    taken = take_priority(priority)
+    try:
+        yield
+    finally:
+        if taken:
+            os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
 
 
 class Loop(Protocol):

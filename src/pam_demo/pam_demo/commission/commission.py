@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from pam_demo.commission.kept import Kept
+from pam_demo.commission.lower_priority import Compute, at_lower_priority, at_same_priority
 from pam_demo.commission.page import write_page
 from pam_demo.commission.robot_port import RobotPort
 from pam_demo.commission.sequence import Ask, Commissioned, Commissioning
@@ -118,7 +119,7 @@ def commission(
     out: Path,
     said: Said,
     ask: Ask,
-    threads: int = 1,
+    compute: Compute = at_same_priority,
 ) -> Commissioned:
     """Commission one joint on a port, and write the results.
 
@@ -138,8 +139,8 @@ def commission(
         How far plain numbers may be off.
     ask : callable
         Whether the next step may be done.
-    threads : int
-        Simulations at once.
+    compute : callable
+        Calls what takes seconds between two motions.
     """
 
     def tell(line: str) -> None:
@@ -147,8 +148,8 @@ def commission(
 
     kept = Kept(out, task)
     alone = one_joint(partial, name)
-    done = Commissioning(port, alone, said, kept, tell, ask, threads).run()
-    write_results(partial, name, done, out)
+    done = Commissioning(port, alone, said, kept, tell, ask, compute).run()
+    compute(lambda: write_results(partial, name, done, out))
     return done
 
 
@@ -186,7 +187,7 @@ def run(given: Arguments, open_port: OpenPort, ask: Ask = asked_on_terminal) -> 
         done = commission(SimulatedPort(true, period), partial, name, task, given.out, said, asked)
     else:
         with open_port(partial.rig, name, period, given.namespace) as port:
-            done = commission(port, partial, name, task, given.out, said, asked)
+            done = commission(port, partial, name, task, given.out, said, asked, at_lower_priority)
     print(f"written: {given.out}")
     bad = [done.ended] if done.ended else []
     return Outcome({"out": given.out, **to_document(name, done)}, bad)

@@ -67,6 +67,10 @@ class Kept:
         self.checked = True
         self._write()
 
+    def __contains__(self, name: str) -> bool:
+        """Whether there is a recording of before."""
+        return name in self._names
+
     def recording(self, name: str) -> pd.DataFrame | None:
         """A recording of before; None if there is none."""
         if name not in self._names:

@@ -74,10 +74,10 @@ def plot_of(before: Tracked | None, after: Tracked | None, width: float) -> Figu
     if shown:
         table = shown[-1][0]
         angle.plot(table["time"], table["reference"], color=ASKED, ls="--", label="reference")
+        figure.legend(loc="outside upper left", ncols=3 if width > 6.0 else 1)
     error.set_xlabel("time [s]")
     angle.set_ylabel("angle [rad]")
     error.set_ylabel("error [mrad]")
-    figure.legend(loc="outside upper left", ncols=3 if width > 6.0 else 1)
     return figure
 
 

@@ -18,7 +18,7 @@ from pam_demo.commission.motion_loop import BANDWIDTH, MotionLoop, PressureRelea
 from pam_demo.commission.motions import SampledMotion, Scale
 from pam_demo.commission.robot_port import JointReading, RobotPort
 from pam_demo.commission.watch import Limits, Seen, watched
-from pam_driver.safety.start_up_check import NOT_EMPTY, StartUpCheck
+from pam_driver.safety.start_up_check import NOT_EMPTY, REPETITIONS, StartUpCheck
 from pam_gap.experiments.loop import PressureLoop
 from pam_gap.recordings.recording import COMMANDS, JOINTS, PRESSURES
 from pam_model.rig import Rig
@@ -32,6 +32,8 @@ WAKING: Final = 2.0  # s
 FOLLOWS: Final = 0.3  # of the wanted mean pressure, that must be reached
 FOLLOWS_WITHIN: Final = 1.0  # s
 RISEN: Final = 3e3  # Pa, that a muscle must not rise while all vent
+RISEN_FOR: Final = 0.012  # s, so that a single reading accuses no valve
+SHUT: Final = (0.0, 0.0)
 LONGEST_CHECK: Final = 120.0  # s
 
 
@@ -92,7 +94,7 @@ def first_reading(port: RobotPort, commands: Sequence[float]) -> JointReading:
     """
     reading = port.advance(commands)
     for _ in range(round(WAKING / port.period)):
-        if all(map(math.isfinite, (reading.position, *reading.pressures))):
+        if reading.known or reading.refusal:
             break
         reading = port.advance(commands)
     return reading
@@ -102,41 +104,76 @@ def touch(port: RobotPort, rig: Rig) -> str:
     """Open each flow valve a little towards its exhaust; why it does not vent, or empty.
 
     A valve whose sign is reversed would fill its muscle when it is told to vent, so this comes
-    before anything else. A regulator cannot be reversed in this way.
+    before anything else. A regulator cannot be reversed in this way. A pressure that rises while
+    all valves are shut is not that of a reversed valve.
     """
     joint = rig.joints[0]
     kinds = [rig.muscle(name).valve.kind for name in joint.muscles]
-    shut = [0.0, 0.0]
-    rest = first_reading(port, shut)
-    if not all(map(math.isfinite, (rest.position, *rest.pressures))):
-        return "The angle or a pressure is missing or too old."
-    full = [n for n, p in zip(joint.muscles, rest.pressures, strict=True) if p > NOT_EMPTY]
+    begin = first_reading(port, SHUT)
+    if begin.problem:
+        remedy = ": clear its faults and activate it, then start again" if begin.refusal else ""
+        return _sentence(begin.problem + remedy)
+    full = [n for n, p in zip(joint.muscles, begin.pressures, strict=True) if p > NOT_EMPTY]
     if full:
         return f"{' and '.join(full)} must be empty at the begin; vent the robot first."
-    for side, kind in enumerate(kinds):
-        if kind != FLOW:
-            continue
-        count = round(TOUCH / port.period)
-        for k in range(count):
-            commands = list(shut)
-            commands[side] = -TOUCH_OPENING * (k + 1) / count
-            shown = port.advance(commands)
-            risen = [a - b for a, b in zip(shown.pressures, rest.pressures, strict=True)]
-            if not max(risen) < RISEN:
-                port.advance(shut)
-                other = joint.muscles[risen.index(max(risen))]
-                return (
-                    f"The valve of {joint.muscles[side]} fills {other} when it should vent: the "
-                    "sign of its command is reversed, or supply and exhaust are exchanged."
-                )
+    flow_valves = [side for side, kind in enumerate(kinds) if kind == FLOW]
+    for opened in (None, *flow_valves) if flow_valves else ():
+        fills, problem = _filled(port, opened)
+        if problem:
+            return _sentence(problem)
+        if fills is not None and opened is None:
+            return (
+                f"{joint.muscles[fills]} fills although its valve should be shut: the valve "
+                "leaks, or its zero is off."
+            )
+        if fills is not None and opened is not None:
+            return (
+                f"The valve of {joint.muscles[opened]} fills {joint.muscles[fills]} when it should "
+                "vent: the sign of its command is reversed, or supply and exhaust are exchanged."
+            )
     return ""
+
+
+def _filled(port: RobotPort, opened: int | None) -> tuple[int | None, str]:
+    """The muscle that fills while a valve is opened towards its exhaust, or while all are shut.
+
+    Readings that are missing accuse no valve: the trial is repeated, and then ends with the reason.
+    """
+    problem = ""
+    for _ in range(REPETITIONS + 1):
+        begin = first_reading(port, SHUT)
+        if begin.problem:
+            return None, begin.problem
+        fills, problem = _trial(port, opened, begin)
+        port.advance(SHUT)
+        if not problem:
+            return fills, ""
+    return None, problem
+
+
+def _trial(port: RobotPort, opened: int | None, begin: JointReading) -> tuple[int | None, str]:
+    """One opening of a valve: the muscle that fills, and why nothing can be said."""
+    count, risen_for = round(TOUCH / port.period), 0.0
+    for k in range(count):
+        commands = list(SHUT)
+        if opened is not None:
+            commands[opened] = -TOUCH_OPENING * (k + 1) / count
+        shown = port.advance(commands)
+        if shown.problem:
+            return None, shown.problem
+        risen = [a - b for a, b in zip(shown.pressures, begin.pressures, strict=True)]
+        risen_for = risen_for + port.period if max(risen) >= RISEN else 0.0
+        if risen_for >= RISEN_FOR:
+            return risen.index(max(risen)), ""
+    return None, ""
 
 
 def start_up_check(port: RobotPort, rig: Rig) -> tuple[str, ...]:
     """What the driver's start-up check finds, in full sentences; empty if all is as it should be.
 
     It needs no more than the rig file of one joint, and says which hose, valve or sensor is at the
-    wrong place.
+    wrong place. While a measurement is missing, all valves vent; the check then repeats its pulse,
+    as after every pause.
     """
     robot = compose(rig)
     commands = vented(rig)
@@ -145,19 +182,25 @@ def start_up_check(port: RobotPort, rig: Rig) -> tuple[str, ...]:
         for muscle in rig.muscles
     ]
     fractions = [c / (s or 1.0) for c, s in zip(commands, scales, strict=True)]
-    check = StartUpCheck(robot, fractions)
+    check = StartUpCheck(robot, fractions, port.period)
     reading = first_reading(port, commands)
     begin = reading.time
     check.start(begin)
     while not check.finished:
-        if not all(map(math.isfinite, (reading.position, *reading.pressures))):
-            return ("The angle or a pressure is missing or too old.",)
+        if not reading.known:
+            reading = first_reading(port, commands)
+        if reading.problem:
+            return (reading.problem,)
         if reading.time - begin > LONGEST_CHECK:
-            return (f"The start-up check has not ended within {LONGEST_CHECK:g} s.",)
+            return (f"it has not ended within {LONGEST_CHECK:g} s",)
         set_points = check.setpoints(reading.pressures, [reading.position], reading.time)
         reading = port.advance([f * (s or 1.0) for f, s in zip(set_points, scales, strict=True)])
     rest(port, rig, EMPTY)
     return tuple(map(str, check.findings))
+
+
+def _sentence(reason: str) -> str:
+    return reason[0].upper() + reason[1:] + "."
 
 
 def rest(port: RobotPort, rig: Rig, duration: float) -> None:
@@ -170,7 +213,7 @@ def rest(port: RobotPort, rig: Rig, duration: float) -> None:
 def lower(port: RobotPort, rig: Rig, reading: JointReading, log: Log) -> None:
     """Let the air out slowly from the present pressures, then vent."""
     lowering = PressureRelease(PressureLoop(rig, 0, BANDWIDTH), reading.pressures, port.period)
-    while all(map(math.isfinite, reading.pressures)):
+    while all(map(math.isfinite, reading.pressures)) and not reading.refusal:
         commands = lowering.commands(reading.pressures)
         if commands is None:
             break
@@ -201,7 +244,7 @@ def play(port: RobotPort, rig: Rig, motion: SampledMotion, scale: Scale, limits:
     most, behind = np.zeros(3), 0
     try:
         for k in range(motion.level.size):
-            seen, stopped = watched(seen, reading, limits)
+            seen, stopped = watched(seen, reading, limits, port.period)
             short = 0.5 * sum(reading.pressures) < FOLLOWS * motion.level[k] - NOT_EMPTY
             behind = behind + 1 if short else 0
             if behind * motion.period > FOLLOWS_WITHIN:

@@ -6,6 +6,7 @@ commissions each of them.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple, Protocol
 
@@ -21,11 +22,26 @@ class JointReading(NamedTuple):
         [rad]; NaN if it is not known or too old.
     pressures : (float, float)
         Gauge, agonist first [Pa]; NaN if not known or too old.
+    refusal : str
+        Why the robot's driver takes no commands; empty if it does.
     """
 
     time: float
     position: float
     pressures: tuple[float, float]
+    refusal: str = ""
+
+    @property
+    def known(self) -> bool:
+        """Whether the angle and both pressures are known."""
+        return all(map(math.isfinite, (self.position, *self.pressures)))
+
+    @property
+    def problem(self) -> str:
+        """Why nothing can be concluded from this reading; empty if something can."""
+        return self.refusal or (
+            "" if self.known else "a pressure or the angle is missing or too old"
+        )
 
 
 class RobotPort(Protocol):

@@ -12,7 +12,6 @@ from __future__ import annotations
 import contextlib
 import math
 import multiprocessing
-import os
 import signal
 import threading
 import time
@@ -22,16 +21,19 @@ from multiprocessing.connection import Connection
 from typing import Any, Final
 
 import rclpy
+from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
 
 from pam_demo.commission.robot_port import JointReading
 from pam_model.errors import PamError
 from pam_model.rig import Rig
+from pam_ros.driver_state import LATCHED, reason_against_commands
 from pam_ros.node_end import end_node
-from pam_ros.periodic import PeriodicLoop
+from pam_ros.periodic import PeriodicLoop, real_time, take_priority
 from pam_ros.start import start_ros
 from pam_ros.steady_timers import turns
 from pam_ros.subscriptions import subscribe
@@ -40,6 +42,8 @@ from pam_ros.valve_command import ValveCommandFormat
 
 MEASUREMENT_DELAY, COMMAND_DELAY = 0.001, 0.003  # s, the defaults of the controller's node
 MAX_AGE: Final = 0.1  # s, of a measurement
+PRIORITY: Final = 20  # real-time, where the system permits it; as of the driver's loop
+PLAYING: Final = 10  # of the thread that computes the next commands, below that of the driver
 IDLE: Final = 10.0  # periods without new commands, after which the muscles are vented
 FIRST: Final = 10.0  # s, for the first measurements
 START: Final = 60.0  # s, in which the process of the node must have measurements
@@ -77,11 +81,14 @@ class RosPortNode(Node):  # type: ignore[misc]
         self._position, self._position_at = math.nan, -math.inf
         self._pressures: dict[str, float] = {}
         self._pressures_at = -math.inf
+        self._refusal = ""
         self._turn = threading.Condition()
         self._turns = self._asked = 0
+        self._vent = self.create_client(Trigger, "pam_driver/vent")
         self._publisher = self.create_publisher(JointState, "valve_commands", QoSProfile(depth=1))
         subscribe(self, JointState, "joint_states", self._take_positions, _SENSED)
         subscribe(self, JointState, "pressure_states", self._take_pressures, _SENSED)
+        subscribe(self, DiagnosticStatus, "pam_driver/state", self._take_state, LATCHED)
         self.loop = PeriodicLoop(self._send, period, "commission")
 
     def _take_positions(self, message: Any) -> None:
@@ -92,6 +99,9 @@ class RosPortNode(Node):  # type: ignore[misc]
     def _take_pressures(self, message: Any) -> None:
         self._pressures = dict(zip(message.name, message.effort, strict=False))
         self._pressures_at = time.monotonic()
+
+    def _take_state(self, message: Any) -> None:
+        self._refusal = reason_against_commands(message)
 
     def _send(self, _: float) -> None:
         with self._turn:
@@ -109,8 +119,9 @@ class RosPortNode(Node):  # type: ignore[misc]
         fresh = now - min(self._position_at, self._pressures_at) < MAX_AGE
         pressures = [self._pressures.get(name, math.nan) for name in self._muscles]
         if not fresh:
-            return JointReading(now, math.nan, (math.nan, math.nan))
-        return JointReading(now, self._position, (float(pressures[0]), float(pressures[1])))
+            return JointReading(now, math.nan, (math.nan, math.nan), self._refusal)
+        shown = float(pressures[0]), float(pressures[1])
+        return JointReading(now, self._position, shown, self._refusal)
 
     def advance(self, commands: Sequence[float]) -> JointReading:
         """As of every `RobotPort`: sends the commands in the next turn of the loop.
@@ -143,13 +154,21 @@ class RosPortNode(Node):  # type: ignore[misc]
         deadline = time.monotonic() + FIRST
         while True:
             reading = self.advance([self._vented[self._names.index(m)] for m in self._muscles])
-            if all(map(math.isfinite, (reading.position, *reading.pressures))):
+            if reading.known:
                 return
             if time.monotonic() > deadline:
                 raise PamError(
                     f"no measurements of {self._joint} on joint_states and pressure_states within "
                     f"{FIRST:g} s; is the driver active?"
                 )
+
+    def vent(self) -> None:
+        """Ask the driver to vent, which is necessary before its commands may stop."""
+        if self._vent.service_is_ready():
+            answered = threading.Event()
+            asked = self._vent.call_async(Trigger.Request())
+            asked.add_done_callback(lambda _: answered.set())
+            answered.wait(ANSWER)
 
 
 @contextmanager
@@ -173,6 +192,7 @@ def _spinning(node: RosPortNode) -> Iterator[None]:
         yield
     finally:
         time.sleep(2.0 * IDLE * node.period)  # the loop sends what vents
+        node.vent()
         node.loop.stop()
         going_on = False
         spinning.join(2.0)
@@ -186,6 +206,7 @@ def _serve(answers: Connection, rig: Rig, joint: str, period: float, namespace: 
     Ctrl-C reaches this process, too; the other one decides what follows, and the air needs it.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    take_priority(PRIORITY)  # before there are other threads, which inherit it
     try:
         start_ros([])
         node = RosPortNode(rig, joint, period, namespace)
@@ -247,9 +268,7 @@ class RosPort:
 
 
 @contextmanager
-def open_ros_port(
-    rig: Rig, joint: str, period: float, namespace: str = "", niceness: int = 0
-) -> Iterator[RosPort]:
+def open_ros_port(rig: Rig, joint: str, period: float, namespace: str = "") -> Iterator[RosPort]:
     """A port to the robot in the ROS domain of this terminal; at its end the muscles are vented.
 
     Parameters
@@ -262,9 +281,6 @@ def open_ros_port(
         Of the commands [s].
     namespace : str
         Of the robot's nodes.
-    niceness : int
-        Added to that of this process, which computes between two motions, but not to that of the
-        node: driver and commands must not be held up.
 
     Raises
     ------
@@ -277,9 +293,10 @@ def open_ros_port(
     )
     process.start()
     there.close()
-    os.nice(niceness)
     try:
-        yield RosPort(here, period)
+        port = RosPort(here, period)
+        with real_time(PLAYING):
+            yield port
     finally:
         here.close()
         process.join(END)

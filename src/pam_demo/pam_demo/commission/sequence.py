@@ -10,11 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import Final
 
 import pandas as pd
 
+from pam_control.controller import Controller
 from pam_control.references.trajectory import TrajectoryPoint
 from pam_demo.commission.kept import Kept
 from pam_demo.commission.knowledge import (
@@ -25,9 +28,10 @@ from pam_demo.commission.knowledge import (
     reaching_limits,
 )
 from pam_demo.commission.least_favourable import Permitted, least_favourable, permitted
+from pam_demo.commission.lower_priority import Compute, at_same_priority
 from pam_demo.commission.motion_loop import scale_of
 from pam_demo.commission.motions import SampledMotion, Scale, filling, staircase, steps
-from pam_demo.commission.play import play, start_up_check, touch
+from pam_demo.commission.play import Played, play, start_up_check, touch
 from pam_demo.commission.robot_port import RobotPort
 from pam_demo.commission.simulated_port import SimulatedPort
 from pam_demo.commission.tracking import (
@@ -38,7 +42,8 @@ from pam_demo.commission.tracking import (
     reaches,
     track,
 )
-from pam_demo.commission.watch import Limits
+from pam_demo.commission.watch import STOOD_STILL, Limits
+from pam_driver.safety.start_up_check import REPETITIONS
 from pam_gap.calibration.calibration import Calibration, calibrate_joint
 from pam_gap.calibration.calibration_rules import CalibrationRules
 from pam_gap.calibration.free_numbers import Said
@@ -55,6 +60,12 @@ COARSE: Final = 2.0
 QUICK: Final = CalibrationRules(rounds=1, last_steps=6, kept_steps=2)
 """For the numbers between two motions; the last identification takes all its steps."""
 FULL: Final = CalibrationRules()
+PARTS: Final[Sequence[tuple[Sequence[str], CalibrationRules]]] = (
+    (("filling", "staircase"), QUICK),
+    (("steps",), QUICK),
+    (("fast", "withheld"), FULL),
+)
+"""Motions, and how the numbers are identified after them."""
 FORESEEN_SPEED: Final = 1.5
 """A joint that is faster than foreseen for the least favourable robot, by this factor, does not
 fit."""
@@ -146,8 +157,8 @@ class Commissioning:
         Shows a line.
     ask : callable
         Whether the next step may be done; it gets the step in words.
-    threads : int
-        Simulations at once.
+    compute : callable
+        Calls what takes seconds between two motions.
     """
 
     port: RobotPort
@@ -156,7 +167,7 @@ class Commissioning:
     kept: Kept
     tell: Tell
     ask: Ask
-    threads: int = 1
+    compute: Compute = at_same_priority
     result: Commissioned = field(default_factory=Commissioned)
 
     def run(self) -> Commissioned:
@@ -165,9 +176,10 @@ class Commissioning:
         try:
             rig, known = self.check()
             seen: dict[str, pd.DataFrame] = {}
-            for names, rules in ((("filling", "staircase"), QUICK), (("steps",), QUICK),
-                                 (("fast", "withheld"), FULL)):  # fmt: skip
+            for (names, rules), (later, _) in pairwise((*PARTS, ((), FULL))):
                 seen |= self._motions(names, rig, known)
+                if later and all(name in self.kept for name in later):
+                    continue  # nothing is planned with what would be identified
                 self._identify(seen, rules)
                 assert result.calibration is not None
                 if result.calibration.rig is not None:
@@ -185,6 +197,18 @@ class Commissioning:
     def _allowed(self, what: str) -> None:
         if not self.ask(what):
             raise EndedError(f"not allowed: {what}")
+
+    def _uninterrupted[T: (Played, Tracked)](self, what: str, once: Callable[[], T]) -> T:
+        """What was played, if allowed; once more where the computer stood still meanwhile."""
+        self._allowed(what)
+        done = once()
+        for _ in range(REPETITIONS):
+            if not done.stopped.startswith(STOOD_STILL):
+                break
+            self.tell(f"{done.stopped}: the air was let out slowly, and it begins again")
+            self._allowed(f"once more: {what}")
+            done = once()
+        return done
 
     def check(self) -> tuple[Rig, tuple[Known, ...]]:
         """Check valves, hoses and sensors; returns the rig to begin with, and what is known of it.
@@ -232,8 +256,9 @@ class Commissioning:
                 motion = self._made(name, scale)
                 if robots is None:
                     judged = self._made(names[-1] if name == FILLING else name, scale)
-                    robots = least_favourable(rig, known, judged, scale, limits)
-                allowed = permitted(rig, robots, motion, scale, limits)
+                    search = partial(least_favourable, rig, known, judged, scale, limits)
+                    robots = self.compute(search)
+                allowed = self.compute(partial(permitted, rig, robots, motion, scale, limits))
                 table = self._play(motion, allowed, rig, scale, limits)
             else:
                 self.tell(f"{name}: recorded before")
@@ -252,15 +277,15 @@ class Commissioning:
                 f"the pressure, {worst.speed:.0%} of the speed and {worst.distance:.0%} of the "
                 "range. State numbers more narrowly."
             )
-        self._allowed(
-            f"{motion.title} ({motion.duration:.0f} s, {allowed.share:.0%} of the usual size; the "
-            f"least favourable robot would use {worst.speed:.0%} of the permitted speed)"
-        )
         # the watch ends what the least favourable robot would not do
         fits = max(FORESEEN_SPEED * worst.speed, 0.2)
         watched = replace(limits, speed=min(limits.speed, fits * limits.speed))
         gentle = motion.smaller(allowed.share).gentler(allowed.pace)
-        played = play(self.port, rig, gentle, scale, watched)
+        played = self._uninterrupted(
+            f"{motion.title} ({motion.duration:.0f} s, {allowed.share:.0%} of the usual size; the "
+            f"least favourable robot would use {worst.speed:.0%} of the permitted speed)",
+            partial(play, self.port, rig, gentle, scale, watched),
+        )
         pressure, speed, place = played.most
         most = (pressure, speed * watched.speed / limits.speed, place)
         expected = (worst.pressure, worst.speed, worst.distance)
@@ -280,8 +305,8 @@ class Commissioning:
         read = {name: as_recording(table, name, step) for name, table in seen.items()}
         withheld = [read.pop(WITHHELD)] if WITHHELD in read else []
         fitted = list(read.values())
-        found = calibrate_joint(
-            self.partial, 0, fitted, withheld, said=self.said, rules=rules, threads=self.threads
+        found = self.compute(
+            lambda: calibrate_joint(self.partial, 0, fitted, withheld, said=self.said, rules=rules)
         )
         self.result.calibration = found
         if found.wiring:
@@ -297,21 +322,23 @@ class Commissioning:
         assert result.rig is not None
         scale, limits = scale_of(result.rig, port.period), Limits.of(result.rig)
         try:
-            controller = controller_for(port, result.rig)
+            controller = self.compute(partial(controller_for, port, result.rig))
         except PamError as error:
             result.after = not_possible(error)
             raise EndedError(f"no safe controller for the identified numbers: {error}") from None
         result.gains = designed_gains(controller)
         for time in WAY_TIME:
             points = reaches(scale.middle, scale.reach, time)
-            model = track(SimulatedPort(result.rig, port.period), controller, points, limits)
+            model = self._simulated(result.rig, controller, points, limits)
             if _permitted(model):
                 break
         else:
             raise EndedError("no tracking test is within the limits of the identified robot")
         result.points = points
-        self._allowed("follow a motion with the identified rig file")
-        result.after = track(port, controller, points, limits)
+        result.after = self._uninterrupted(
+            "follow a motion with the identified rig file",
+            partial(track, port, controller, points, limits),
+        )
         self.kept.track("after", result.after.table)
         self.tell(f"tracking error: {1e3 * result.after.rms:.2f} mrad RMS")
         result.before = self._before(points, limits)
@@ -319,19 +346,28 @@ class Commissioning:
         if result.after.stopped:
             raise EndedError(f"tracking test: {result.after.stopped}")
 
+    def _simulated(
+        self, rig: Rig, controller: Controller, points: Sequence[TrajectoryPoint], limits: Limits
+    ) -> Tracked:
+        """The tracking test on a simulated robot."""
+        simulated = SimulatedPort(rig, self.port.period)
+        return self.compute(partial(track, simulated, controller, points, limits))
+
     def _before(self, points: Sequence[TrajectoryPoint], limits: Limits) -> Tracked:
         """The same test with the rough rig file, on the robot only if the model survives it."""
         try:
-            controller = controller_for(self.port, self.partial.rig)
+            controller = self.compute(partial(controller_for, self.port, self.partial.rig))
         except PamError as error:
             return not_possible(error)
         assert self.result.rig is not None
-        model = track(SimulatedPort(self.result.rig, self.port.period), controller, points, limits)
+        model = self._simulated(self.result.rig, controller, points, limits)
         if not _permitted(model):
             reason = model.stopped or "too near to the limits"
             return replace(model, stopped=f"only simulated, on the identified robot: {reason}")
-        self._allowed("follow the same motion with the rig file as it was")
-        return track(self.port, controller, points, limits)
+        return self._uninterrupted(
+            "follow the same motion with the rig file as it was",
+            partial(track, self.port, controller, points, limits),
+        )
 
 
 def _permitted(tracked: Tracked) -> bool:

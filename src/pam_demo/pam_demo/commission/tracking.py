@@ -155,7 +155,7 @@ def track(
     try:
         while reading.time <= end and not stopped:
             now = reading.time
-            seen, stopped = watched(seen, reading, limits)
+            seen, stopped = watched(seen, reading, limits, port.period)
             if not stopped and due and now >= due[0][0]:
                 stopped = _follow(controller, name, due.pop(0)[1], now)
             if stopped:

@@ -7,12 +7,14 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 from pam_demo.commission.robot_port import JointReading
+from pam_driver.safety.pauses import longest_gap
 from pam_model.rig import Rig
 
 FILTER: Final = 0.02  # s, of the measured speed
 PRESSURE_SHARE: Final = 0.95  # of the highest permitted pressure
 SPEED_SHARE: Final = 0.8  # of the largest permitted speed
 END_SHARE: Final = 0.95  # of a position limit, from the middle of the range
+STOOD_STILL: Final = "the computer stood still"
 OUTWARD: Final = 0.1  # rad/s; slower beyond the end is a joint that hangs there
 
 
@@ -60,7 +62,9 @@ class Seen(NamedTuple):
     speed: float = 0.0
 
 
-def watched(seen: Seen, reading: JointReading, limits: Limits) -> tuple[Seen, str]:
+def watched(
+    seen: Seen, reading: JointReading, limits: Limits, period: float = 0.004
+) -> tuple[Seen, str]:
     """What is remembered after a reading, and why the motion must end; empty if it need not.
 
     Parameters
@@ -71,11 +75,16 @@ def watched(seen: Seen, reading: JointReading, limits: Limits) -> tuple[Seen, st
         What the sensors showed.
     limits : Limits
         Of the joint.
+    period : float, optional
+        Time between two readings [s]. After a pause of this computer, in which the joint had no
+        commands, a motion ends: its loop would answer to what the joint did meanwhile.
     """
-    if not all(map(math.isfinite, (reading.position, *reading.pressures))):
-        return seen, "a pressure or the angle is missing or too old"
+    if reading.problem:
+        return seen, reading.problem
     speed = seen.speed
     step = reading.time - seen.time
+    if step > longest_gap(period):
+        return seen, f"{STOOD_STILL} for {step:.2f} s"
     if step > 0.0:
         weight = step / (FILTER + step)
         speed += weight * ((reading.position - seen.position) / step - speed)

@@ -6,6 +6,9 @@ one does not, its exhaust is blocked, or its valve is stuck open to the supply.
 Noise at the limit must not change the state in every cycle. Therefore muscles count as empty when
 no reading was above the limit for a moment, and as filled again when a reading was well above it
 for a moment.
+
+While the computer stands still, nobody looks, and a valve may stay as it was told before. A pause
+therefore counts as no more venting than the longest time between two cycles that is none.
 """
 
 from __future__ import annotations
@@ -14,7 +17,8 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Final
 
-from pam_driver.boards.protocol import Condition
+from pam_driver.boards.protocol import NEVER, Condition
+from pam_driver.safety.pauses import longest_gap
 from pam_model.robot import Robot
 from pam_model.views.time_to_empty import time_to_empty
 
@@ -41,6 +45,8 @@ class ExhaustWatch:
         A muscle is empty below this pressure [Pa gauge].
     timeout : float
         A muscle that is not empty after this time of venting is a fault [s].
+    period : float, optional
+        Time between two updates [s].
 
     Attributes
     ----------
@@ -52,13 +58,17 @@ class ExhaustWatch:
         Whether all muscles count as empty.
     """
 
-    def __init__(self, robot: Robot, vented_pressure: float, timeout: float) -> None:
+    def __init__(
+        self, robot: Robot, vented_pressure: float, timeout: float, period: float = 0.002
+    ) -> None:
         self.timeout = timeout
+        self._longest_gap = longest_gap(period)
         self._names = robot.muscle_names
         self._limit = vented_pressure
         self._pressures: Sequence[float] = (math.nan,) * len(robot.muscles)
         self._since = math.inf
         self._changing_since = math.inf
+        self._updated_at = NEVER
         self.below = self.empty = False
 
     def update(self, pressures: Sequence[float], venting: bool, now: float) -> None:
@@ -73,6 +83,9 @@ class ExhaustWatch:
         now : float
             Monotonic time [s].
         """
+        pause, self._updated_at = now - self._updated_at - self._longest_gap, now
+        if pause > 0.0:
+            self._since += pause
         self._pressures = pressures
         self._judge(pressures, venting, now)
         if self.empty or not venting:

@@ -222,6 +222,9 @@ class PressurePlausibility:
         """Restart all observers, after a pause in which nothing was measured or commanded."""
         for muscle in self._muscles:
             muscle.restart()
+        for joint in self._joints:
+            joint.restart()
+        self._counts = [0] * len(self._joints)
 
     def update(
         self,

@@ -19,6 +19,11 @@ A joint that turns further than that at `SMALLEST` is free, as a horizontal one 
 as soon as it has turned by `ALLOWED_ANGLE` and a sensor shows `LEAST_SEEN`; coasting on is no
 finding.
 
+A pulse is judged only if the computer watched it from its begin to its end. If the time between
+two cycles was longer than `pauses.longest_gap`, nobody looked while the valve was open: the muscle
+is vented and gets its pulse again, `REPETITIONS` times. After that the check ends and says that the
+computer stood still; it accuses nothing on the robot.
+
 A flow valve is opened by a ramp, so slow that a muscle reaches the pressure in `RISE`, or later if
 the supply sags; a valve with an overlap of `OVERLAP` starts later and is found healthy. A pressure
 regulator is given the pressure as set point.
@@ -33,6 +38,8 @@ from enum import Enum
 from typing import Final
 
 from pam_driver.boards.protocol import Condition
+from pam_driver.safety.exhaust_watch import exhaust_timeout
+from pam_driver.safety.pauses import longest_gap
 from pam_model.robot import Robot, RobotMuscle
 from pam_model.views.harmless_pressure import harmless_pressure
 from pam_model.views.pressure_rate import filling_rate
@@ -57,6 +64,8 @@ NOT_EMPTY: Final = 2e4
 """A muscle that keeps this pressure while it vents cannot be tested [Pa]; less may be an offset."""
 SEEN_TURN: Final = 0.01
 """A joint that turns by more has certainly turned [rad]."""
+REPETITIONS: Final = 5
+"""A muscle whose pulse was interrupted by a pause of the computer is tested so many times more."""
 _SHARE: Final = 0.5  # another pressure that rises by this share of the pulse is not the noise
 _EMPTY: Final = 0.5  # share of a pulse below which a muscle counts as empty
 _REGULATION: Final = 10.0  # time constants until a pressure regulator has reached its set point
@@ -64,7 +73,7 @@ _SETTLE: Final = 0.3  # s, added to every wait, for delays of bus and valve
 _STILL: Final = 0.25  # s, without motion before the next pulse
 _STILL_TURN: Final = 0.002  # rad in that time
 _STILL_SHARE: Final = 0.2  # of a pulse in that time, for the pressures
-_LONGEST_SETTLING: Final = 10.0  # s
+_LEAST_SETTLING: Final = 10.0  # s, that the settling may take; more for large muscles
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,6 +115,8 @@ class StartUpCheck:
         Gives muscles, valves and joints.
     vents : sequence of float
         By muscle the fraction of full scale at which its valve vents.
+    period : float, optional
+        Time between two cycles [s].
 
     Attributes
     ----------
@@ -115,10 +126,13 @@ class StartUpCheck:
         What was found, one line each; empty if everything is healthy so far.
     """
 
-    def __init__(self, robot: Robot, vents: Sequence[float]) -> None:
+    def __init__(self, robot: Robot, vents: Sequence[float], period: float = 0.002) -> None:
         self.pulses = tuple(pulse_of(robot, muscle) for muscle in robot.muscles)
         self._robot = robot
         self._vents = tuple(vents)
+        self._longest_gap = longest_gap(period)
+        # a valve that was left open during a pause may have filled its muscle completely
+        self._longest_settling = max(_LEAST_SETTLING, exhaust_timeout(robot, NOT_EMPTY))
         self.start(0.0)
 
     @property
@@ -135,12 +149,15 @@ class StartUpCheck:
             Monotonic time [s].
         """
         self.findings: tuple[Condition, ...] = ()
-        self._muscle = 0
-        self._phase = _Phase.SETTLE
-        self._since = now
-        self._still_since = now
-        self._still_positions: tuple[float, ...] = ()
+        self._muscle = self._pauses = 0
+        self._cycle_at = now
         self._still_pressures: tuple[float, ...] = ()
+        self._begin_settling(now)
+
+    def _begin_settling(self, now: float) -> None:
+        self._phase = _Phase.SETTLE
+        self._since = self._still_since = now
+        self._still_positions: tuple[float, ...] = ()
 
     def setpoints(
         self, pressures: Sequence[float], positions: Sequence[float], now: float
@@ -156,6 +173,9 @@ class StartUpCheck:
         now : float
             Monotonic time [s].
         """
+        pause, self._cycle_at = now - self._cycle_at, now
+        if pause > self._longest_gap and not self.finished:
+            self._begin_again(now)
         if self._phase is _Phase.SETTLE:
             self._settle(pressures, positions, now)
         elif self._phase is not _Phase.DONE:
@@ -171,6 +191,20 @@ class StartUpCheck:
             return min(1.0, pulse.ramp * (now - self._since))
         return pulse.pressure / (muscle.valve.full_scale or math.inf)
 
+    def _begin_again(self, now: float) -> None:
+        """Test the present muscle once more, because a pause has interrupted its test."""
+        self._pauses += 1
+        if self._pauses <= REPETITIONS:
+            self._begin_settling(now)
+            return
+        text = (
+            f"the computer stood still for more than {1e3 * self._longest_gap:.0f} ms "
+            f"{self._pauses} times while {self._robot.muscle_names[self._muscle]} was tested: it "
+            "is too busy, and the start-up check has not been finished"
+        )
+        self.findings = (*self.findings, Condition("driver_paused", "", text))
+        self._phase = _Phase.DONE
+
     def _settle(self, pressures: Sequence[float], positions: Sequence[float], now: float) -> None:
         """Wait for empty muscles and joints at rest, then begin the next pulse."""
         change = _STILL_SHARE * self.pulses[self._muscle].pressure
@@ -184,7 +218,7 @@ class StartUpCheck:
             self._rest, self._start = tuple(pressures), tuple(positions)
             self._highest = list(pressures)
             self._turn = self._sign = 0.0
-        elif now - self._since > _LONGEST_SETTLING:
+        elif now - self._since > self._longest_settling:
             for index in full:
                 self._find(
                     index,
@@ -233,9 +267,10 @@ class StartUpCheck:
 
     def _next(self, now: float) -> None:
         self._muscle += 1
-        self._since = self._still_since = now
-        self._still_positions = ()
-        self._phase = _Phase.DONE if self._muscle == len(self.pulses) else _Phase.SETTLE
+        self._pauses = 0
+        self._begin_settling(now)
+        if self._muscle == len(self.pulses):
+            self._phase = _Phase.DONE
 
     def _conclude(self, risen: Sequence[float], *, aborted: bool = False) -> None:
         """What the pulse of the present muscle has shown."""

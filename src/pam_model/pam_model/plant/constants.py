@@ -231,7 +231,7 @@ def _muscle_constants(
     c[m + lay.M_EXHAUST] = conductance * adjusted("valve.exhaust_ratio")
     c[m + lay.M_CRITICAL] = written("valve.critical_ratio")
     c[m + lay.M_PER_LAG] = 1.0 / adjusted("valve.time_constant")
-    c[m + lay.M_SWING] = 2.0 * (1.0 - written("valve.damping")) * c[m + lay.M_PER_LAG]
+    c[m + lay.M_SWING] = 2.0 * (1.0 - written("valve.damping"))
     c[m + lay.M_TUBE] = float(adjusted("tube.conductance") > 0.0)
     c[m + lay.M_TUBE_VOLUME] = adjusted("tube.volume")
     c[m + lay.M_TUBE_CONDUCTANCE] = adjusted("tube.conductance")

@@ -68,8 +68,9 @@ def gas_rates(
     -------
     spool_rate : float
         [1/s]; for a regulator, of the pressure s that its outlet p follows [Pa/s]: with
-        w = 1/time_constant, p' = w (s - p) and s' = w (u - s) + 2 (1 - damping) w (s - p), which is
-        p'' + 2 damping w p' + w^2 p = w^2 u.
+        w = 1/time_constant, p' = w (s - p) and s' = w (u - s) + 2 (1 - damping) p', which is
+        p'' + 2 damping w p' + w^2 p = w^2 u. Where the flow limits p', s stays near u: with
+        w (s - p) in place of p' it would wind up.
     pressure_rate : float
         dP/dt [Pa/s] at constant length.
     valve_pressure_rate : float
@@ -93,7 +94,7 @@ def gas_rates(
     if is_regulator and not shut:
         per_flow = per_mass / (c[m + M_TUBE_VOLUME] if has_tube else volume)
         regulated_rate = regulator_rate(m, c, spool, upstream, supply, per_flow)
-        spool_rate += c[m + M_SWING] * (spool + ambient - upstream)
+        spool_rate += c[m + M_SWING] * regulated_rate
         drawn = max(regulated_rate, 0.0) / per_flow
         if not has_tube:
             return spool_rate, regulated_rate, 0.0, drawn, 0.0

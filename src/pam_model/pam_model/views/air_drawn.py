@@ -91,10 +91,12 @@ def _by_regulator(
     delayed = np.concatenate([np.full(late, commands[0]), commands])[: len(commands)]
     steps = math.ceil(STEPS * period * rate)
     share, swing = period * rate / steps, 2.0 * (1.0 - valve.damping)
-    aim = float(gauge[0])
+    aim = before = float(gauge[0])
     for row, wanted, shown in zip(drawn, delayed.tolist(), gauge.tolist(), strict=True):
+        lead = swing * (shown - before) / (period * rate)
+        before = shown
         for _ in range(steps):
-            aim += share * (wanted - aim + swing * (aim - shown))
+            aim += share * (wanted - aim + lead)
         most = reference_flow(
             valve.sonic_conductance,
             valve.critical_ratio,
