@@ -26,9 +26,9 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint  # noqa: E
 
 from pam_control import adapted_rig, operator_services  # noqa: E402
 from pam_control.control_step import Measurement  # noqa: E402
-from pam_control.controller import Controller  # noqa: E402
 from pam_control.controller_node import ControllerNode  # noqa: E402
 from pam_control.loop_design import LoopDesign, PreparedSettings  # noqa: E402
+from pam_control.reference_limits import ReferenceLimits  # noqa: E402
 from pam_control.settings import ControlSettings  # noqa: E402
 from pam_demo.chain import private_domain  # noqa: E402
 from pam_ros.start import start_ros  # noqa: E402
@@ -240,8 +240,8 @@ def test_limits_for_a_new_stiffness_are_computed_elsewhere(
     active: ControllerNode, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     node = active
-    gate = Gate(node._controller._limits._limits._limits)
-    monkeypatch.setattr(node._controller._limits._limits, "_limits", gate)
+    gate = Gate(node._controller.limits._limits._limits)
+    monkeypatch.setattr(node._controller.limits._limits, "_limits", gate)
     node.reference_topics.on_stiffness(Float64MultiArray(data=[5.37]))
     assert gate.begun.wait(PATIENCE)
     node.reference_topics.on_stiffness(Float64MultiArray(data=[7.93]))  # known or not: in its turn
@@ -311,7 +311,7 @@ def test_no_parameter_keeps_a_stop_waiting(
     for owner, name in (
         (LoopDesign, "_designed_and_checked"),
         (LoopDesign, "_with_learning"),
-        (Controller, "foresee_stiffness"),
+        (ReferenceLimits, "foresee"),
     ):
         work = getattr(owner, name)
 

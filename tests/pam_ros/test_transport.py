@@ -20,7 +20,8 @@ if sys.argv[1] == "as_a_node":
     leave_out_shared_memory()
 rclpy.init(args=[])
 node = rclpy.create_node("alone")
-print(*(task.joinpath("comm").read_text().strip() for task in Path("/proc/self/task").iterdir()))
+tasks = Path("/proc/self/task").iterdir()
+print(*(task.joinpath("comm").read_text().strip() for task in tasks), flush=True)
 os._exit(0)
 """
 CLEAN = {

@@ -311,9 +311,11 @@ def apply_effects(rig: Rig, truth: Rig, effects: Mapping[str, float]) -> list[Pl
                 "<name>.<effect>.<parameter>"
             )
         if effect is None:
-            raise PamError(unknown("effect", key[0], EFFECTS))
+            raise PamError(f"effect {shown(name)}: {unknown('effect', key[0], EFFECTS)}")
         if key[1] not in effect.parameters:
-            raise PamError(f"effect {key[0]}: {unknown('parameter', key[1], effect.parameters)}")
+            raise PamError(
+                f"effect {shown(name)}: {unknown('parameter', key[1], effect.parameters)}"
+            )
         entry = effect.parameters[key[1]]
         if not entry.low <= value <= entry.high:
             raise PamError(
