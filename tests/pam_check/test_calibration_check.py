@@ -120,6 +120,7 @@ def test_the_torque_per_pressure_grows_with_the_pulley(drawn: CalibrationRig) ->
 
 
 @pytest.mark.long("the plant's and the design's tests of the damping stand for the whole fit")
+@pytest.mark.xfail(strict=True, reason="docs/from_log_to_rig.md: the damping is not recovered yet")
 def test_a_calibration_finds_the_damping_of_regulators_of_the_independent_plant(
     tmp_path: Path,
 ) -> None:
