@@ -132,6 +132,9 @@ class Suite:
         ended = [name for name in NODES if not self._runs(name)]
         for name in ended:
             self.start(name)
+        if "model" in ended:  # nothing else waits for it, and it may be what a test ends next
+            names = self.probe.node.get_node_names
+            self.wait("the model in the graph", lambda: "pam_model" in names())
         if ended or self.driver_state() != "active":
             self.recover()
             self.wait_until_controlling()
