@@ -28,6 +28,7 @@ from pam_check.fuzz.damaged_files import DamagedFiles, log_of
 from pam_check.fuzz.sample_logs import ENDINGS, sample
 from pam_gap.import_log.import_log import columns_of
 from pam_gap.recordings import packed_chunks, size_limits, unpacked
+from pam_gap.recordings.array_files import read_arrays
 from pam_gap.recordings.column_map import load_column_map
 from pam_gap.recordings.import_recording import import_recording
 from pam_gap.recordings.recording import RecordingError
@@ -302,3 +303,16 @@ def test_the_rule_finds_a_parser_outside() -> None:
 def test_limits_leave_room_for_a_long_recording() -> None:
     """Five hours at 500 Hz with the channels of four joints."""
     assert size_limits.MOST_CELLS > 5 * 3600 * 500 * 29
+
+
+def test_a_damaged_text_in_an_hdf5_file_holds_no_reader(tmp_path: Path) -> None:
+    """HDF5 looks for a text of variable length in its heap without an end if a size is wrong."""
+    path = tmp_path / "log.h5"
+    with h5py.File(path, "w") as file:
+        file["time"] = np.arange(3.0)
+        file["remark"] = "as built"
+    content = bytearray(path.read_bytes())
+    size = content.index(b"GCOL") + 24
+    content[size : size + 8] = (2**64 - 16).to_bytes(8, "little")
+    path.write_bytes(content)
+    assert list(read_arrays(path)) == ["time"]

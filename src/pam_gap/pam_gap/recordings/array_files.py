@@ -146,6 +146,9 @@ def _hdf5(path: Path) -> Named:
         # Numbers that lie in other files are none of this log.
         if item.shape is None or item.external or item.is_virtual:
             return
+        # Texts of variable length lie in a heap; a damaged one holds HDF5 in a loop without an end.
+        if item.dtype.hasobject:
+            return
         if item.attrs.get("MATLAB_class") not in (b"char", b"cell"):
             left.take(item.shape, item.dtype.itemsize, f"array {shown(name)}")
             found.extend(_nested(name.replace("/", "."), np.asarray(item[()])))
