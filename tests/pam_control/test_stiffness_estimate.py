@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from pam_control.adaptation.stiffness_estimate import StiffnessEstimate
+from pam_control.adaptation.varied_joint import JointOfRig
 from pam_control.controller import Controller
 from pam_control.settings import ControlSettings
-from pam_model.joints.antagonistic_joint import AntagonisticJoint
+from pam_model.joints.joint_statics import JointStatics
 from pam_model.rig import rig_from_parameters
 from pam_model.robot import compose
 from pam_model.views.inverse_dynamics import InverseDynamics
@@ -30,7 +31,7 @@ def played(closed_loop, rig, reaching, factors=None, effects=None):
     return controller, loop
 
 
-def true_joint(rig, factors) -> AntagonisticJoint:
+def true_joint(rig, factors) -> JointStatics:
     """The joint with these dimensions, from its own rig file."""
     tree = rig.to_parameters()
     flexor, extensor = tree["elbow"]["muscles"]
@@ -39,15 +40,15 @@ def true_joint(rig, factors) -> AntagonisticJoint:
         owner, key = name.split(".")
         tree[owners[owner]][key] *= factor
 
-    return AntagonisticJoint.from_rig(rig_from_parameters(tree), "elbow")
+    return JointStatics.from_rig(rig_from_parameters(tree), "elbow")
 
 
 def test_no_measured_position_ends_the_estimate(rig):
     """Models with changed dimensions end at other positions than that of the rig file."""
     joint = rig.joints[0]
-    model = AntagonisticJoint.from_rig(rig, joint.name)
+    model = JointStatics.from_rig(rig, joint.name)
     dynamics = InverseDynamics.from_joint(compose(rig).joints[0])
-    estimate = StiffnessEstimate(rig, joint, model, dynamics, 30.0)
+    estimate = StiffnessEstimate(JointOfRig(rig, joint), model, dynamics, 30.0)
     pressures = (2e5, 1e5)
     for _ in range(30):
         for position in (*model.position_range, 0.1, 0.0):
@@ -62,8 +63,8 @@ def test_the_stiffness_of_a_rig_that_is_two_per_cent_off_is_learnt_in_one_motion
     channel, truth = controller.channels[0], true_joint(rig, OFF)
     output = loop.plants[0].output
     state = (output["agonist.pressure"], output["antagonist.pressure"]), output["position"]
-    true = truth.stiffness(*state[0], state[1])
-    wrong = channel.models.model.stiffness(*state[0], state[1])
+    true = truth.stiffness(state[0], state[1])
+    wrong = channel.models.model.stiffness(state[0], state[1])
     found = channel.law_state.estimates.stiffness.at(*state)
     assert abs(wrong / true - 1.0) > 0.03
     assert found.learnt
@@ -74,7 +75,7 @@ def test_the_stiffness_of_a_rig_that_is_two_per_cent_off_is_learnt_in_one_motion
     loop.run(2.0)
     output = loop.plants[0].output
     has = truth.stiffness(
-        output["agonist.pressure"], output["antagonist.pressure"], output["position"]
+        (output["agonist.pressure"], output["antagonist.pressure"]), output["position"]
     )
     assert has == pytest.approx(controller.stiffness_commands[0], rel=0.05)
 
@@ -88,7 +89,7 @@ def test_what_the_dimensions_do_not_explain_leaves_the_stiffness_of_the_model(
     state = (output["agonist.pressure"], output["antagonist.pressure"]), output["position"]
     found = channel.law_state.estimates.stiffness.at(*state)
     assert not found.learnt
-    assert found.value == pytest.approx(channel.models.model.stiffness(*state[0], state[1]))
+    assert found.value == pytest.approx(channel.models.model.stiffness(state[0], state[1]))
     assert found.high / found.value > 1.03  # the interval of the tolerance
     assert channel.law_state.correction.factor == 1.0
 

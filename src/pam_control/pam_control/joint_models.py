@@ -9,7 +9,7 @@ from pam_control.joint_scale import JointScale
 from pam_control.limited import limited
 from pam_control.references.spline import JointReference
 from pam_control.settings import ControlSettings
-from pam_model.joints.antagonistic_joint import AntagonisticJoint
+from pam_model.joints.joint_statics import JointStatics
 from pam_model.robot import Robot, RobotJoint, RobotMuscle
 from pam_model.views.inverse_dynamics import InverseDynamics
 from pam_ros.valve_command import FLOW
@@ -30,7 +30,7 @@ class JointModels:
         It belongs to this robot.
     joint : RobotJoint
         Its limits and its place among the joints.
-    model : AntagonisticJoint
+    model : JointStatics
         Torque and stiffness of its muscles, and their inverse.
     dynamics : InverseDynamics
         Its equation of motion, without dry friction.
@@ -46,7 +46,7 @@ class JointModels:
 
     robot: Robot
     joint: RobotJoint
-    model: AntagonisticJoint
+    model: JointStatics
     dynamics: InverseDynamics
     dry_friction: JointFriction
     muscles: tuple[RobotMuscle, ...]
@@ -56,7 +56,7 @@ class JointModels:
     @classmethod
     def of(cls, robot: Robot, joint: RobotJoint, min_pressure: float) -> JointModels:
         """The models of a joint whose muscles have at least this pressure [Pa]."""
-        model = AntagonisticJoint.from_robot(
+        model = JointStatics.from_robot(
             robot, joint, min_pressure=min_pressure, pressure_share=PRESSURE_SHARE
         )
         muscles = tuple(robot.muscles[place] for place in joint.muscles)

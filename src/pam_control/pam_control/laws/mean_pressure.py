@@ -51,7 +51,7 @@ def ratio_for_torque(
 
     def excess(u: float) -> float:
         pressures = (mean * (1.0 + u), mean * (1.0 - u))
-        return models.model.torque(*pressures, position) - torque
+        return models.model.torque(pressures, position) - torque
 
     low, high = -1.0, 1.0
     if excess(low) > 0.0 or excess(high) < 0.0:
@@ -148,8 +148,8 @@ def next_mean(
 def told(models: JointModels, request: PlanRequest, pressures: Pair, clipped: bool) -> LawTelemetry:
     """Torque and stiffness that the desired pressures [Pa] give."""
     position = models.inside(request.motion.position)
-    torque = models.model.torque(*pressures, position)
-    stiffness = models.model.stiffness(*pressures, position)
+    torque = models.model.torque(pressures, position)
+    stiffness = models.model.stiffness(pressures, position)
     names = ("torque",) if clipped else ()
     return LawTelemetry(torque, stiffness, torque, stiffness, stiffness, clipped=names)
 
@@ -179,7 +179,7 @@ def difference_per_mean(
         From -1 to 1; 0 if no difference gives this torque at the new mean.
     """
     angle = models.inside(position)
-    torque = models.model.torque(*pressures, angle)
+    torque = models.model.torque(pressures, angle)
     ratio = ratio_for_torque(models, angle, goal, torque)
     rise = goal - 0.5 * (pressures[0] + pressures[1])
     if ratio is None or rise == 0.0:
@@ -189,5 +189,5 @@ def difference_per_mean(
 
 def widest_difference(models: JointModels, mean: float) -> float:
     """Largest half difference of the pressures at this mean [Pa]."""
-    highest = min(models.model.agonist.high_pressure, models.model.antagonist.high_pressure)
+    highest = min(muscle.high_pressure for muscle in models.model.muscles)
     return min(mean, max(highest - mean, 0.0))

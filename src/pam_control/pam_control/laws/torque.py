@@ -195,7 +195,7 @@ def _limited(models: JointModels, request: PlanRequest, torque: float) -> float:
     position, speed, _ = request.motion
     needed = dynamics.static_torque(position, speed)
     needed += dynamics.moving_torque(speed, 0.0) + models.dry_friction.torque(speed)
-    muscles = models.model.torque(*request.pressures, models.inside(position))
+    muscles = models.model.torque(request.pressures, models.inside(position))
     push = dynamics.acceleration(muscles - needed)
     soon = speed + push * REACTION
     rest = limits.rest(JointReference(position + speed * REACTION, soon, push))

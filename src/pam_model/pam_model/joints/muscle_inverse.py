@@ -26,10 +26,9 @@ import math
 from typing import Any, Final
 
 from pam_model.joints.affine_inverse import (
-    CLIPPED,
-    STIFFNESS_CLIPPED,
     Line,
     affine_pressures,
+    is_limited,
     pressure_for,
 )
 
@@ -134,12 +133,8 @@ def _least_pressures(
         row = rows[k]
         force = row[at + L_PASSIVE] + row[at + L_SCALE] * row[at + L_PRESSURE]
         row[at + L_PRESSURE] = pressure_for(line_of(row, at), force)
-    return (
-        reached,
-        stiff,
-        abs(reached - torque) > CLIPPED * (1.0 + radius * strongest),
-        abs(stiff - stiffness) > STIFFNESS_CLIPPED * (1.0 + abs(stiffness)),
-    )
+    cut, soft = is_limited(radius * strongest, reached - torque, stiff - stiffness, stiffness)
+    return reached, stiff, cut, soft
 
 
 def _total(rows: Any, at: int, pressure: int, per_pressure: int) -> float:

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from pam_model.joints.antagonistic_joint import AntagonisticJoint
+from pam_model.joints.joint_statics import JointStatics
 from pam_model.robot.robot import RobotJoint
 from pam_model.views.inverse_dynamics import InverseDynamics
 
@@ -90,7 +90,7 @@ class OperatingPoint:
 
 
 def operating_point(
-    joint: RobotJoint, model: AntagonisticJoint, position: float, pressures: tuple[float, float]
+    joint: RobotJoint, model: JointStatics, position: float, pressures: Sequence[float]
 ) -> OperatingPoint:
     """Linearise one joint at rest.
 
@@ -98,7 +98,7 @@ def operating_point(
     ----------
     joint : RobotJoint
         Inertia, friction and gravity.
-    model : AntagonisticJoint
+    model : JointStatics
         Its muscles.
     position : float
         [rad].
@@ -107,7 +107,7 @@ def operating_point(
     """
 
     def statics(a: float, b: float, q: float) -> list[float]:
-        return [model.torque(a, b, q), model.stiffness(a, b, q)]
+        return [model.torque((a, b), q), model.stiffness((a, b), q)]
 
     a, b = pressures
     h, e = PRESSURE_STEP, POSITION_STEP
@@ -127,7 +127,7 @@ def operating_point(
     return OperatingPoint(
         position=position,
         stiffness=statics(a, b, position)[1],
-        pressures=pressures,
+        pressures=(a, b),
         inertia=dynamics.inertia,
         damping=dynamics.viscous_friction,
         spring=-by_position[0] + dynamics.gravity_stiffness(position),
