@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from pam_control.adaptation.stiffness_estimate import StiffnessEstimate
 from pam_control.adaptation.varied_joint import JointOfRig
 from pam_control.controller import Controller
 from pam_control.settings import ControlSettings
+from pam_model.joints.joint_muscle import JointMuscle
 from pam_model.joints.joint_statics import JointStatics
 from pam_model.rig import rig_from_parameters
 from pam_model.robot import compose
@@ -98,3 +101,51 @@ def test_a_rig_that_is_its_rig_file_keeps_its_stiffness(closed_loop, rig, reachi
     controller, loop = played(closed_loop, rig, reaching)
     assert controller.channels[0].law_state.correction.factor == pytest.approx(1.0, abs=5e-3)
     assert np.isfinite(loop.plants[0].output["position"])
+
+
+class Joint:
+    """A joint of any number of muscles: a pulley that all share, and their lengths."""
+
+    tolerance = 0.03
+
+    def __init__(self, rig, shares):
+        muscle = compose(rig).muscles[0]
+        self.one = JointMuscle(muscle.force_model, muscle.neutral_length, 0.0, 6e5)
+        self.shares, self.radius = shares, rig.joints[0].pulley_radius
+        self.numbers = ["radius", *(f"length {k}" for k in range(len(shares)))]
+
+    def changed(self, changes):
+        radius = (1.0 + changes[0]) * self.radius
+        muscles = [
+            replace(self.one, neutral_length=(1.0 + change) * self.one.neutral_length)
+            for change in changes[1:]
+        ]
+        return JointStatics(muscles, [share * radius for share in self.shares])
+
+    def places(self, dynamics):
+        raise NotImplementedError
+
+
+@pytest.mark.parametrize("shares", [(1.0,), (1.0, -1.0), (1.0, 0.8, -0.9), (1.0, 0.8, -0.9, -0.6)])
+def test_a_joint_of_any_number_of_muscles_has_its_stiffness_learnt(rig, shares):
+    """The motion and the pressures are given; what holds the joint to the motion is known."""
+    joint, dynamics = Joint(rig, shares), InverseDynamics.from_joint(compose(rig).joints[0])
+    nothing = [0.0] * len(joint.numbers)
+    model, truth = joint.changed(nothing), joint.changed([0.02, *[-0.005] * len(shares)])
+    estimate = StiffnessEstimate(joint, model, dynamics, 30.0)
+    for cycle in range(600):
+        t = 0.02 * cycle
+        position = 0.3 * np.sin(2.0 * t) + 0.1 * np.sin(3.1 * t)
+        speed = 0.6 * np.cos(2.0 * t) + 0.31 * np.cos(3.1 * t)
+        acceleration = -1.2 * np.sin(2.0 * t) - 0.961 * np.sin(3.1 * t)
+        pressures = [2.5e5 + 1e5 * np.sin((1.0 + 0.3 * k) * t + k) for k in range(len(shares))]
+        needed = dynamics.torque(position, speed, acceleration)
+        estimate.learn(0.02, pressures, position, needed - truth.torque(pressures, position))
+    found, true = estimate.at(pressures, 0.1), truth.stiffness(pressures, 0.1)
+    assert found.learnt
+    assert abs(model.stiffness(pressures, 0.1) / true - 1.0) > 0.02
+    assert found.value == pytest.approx(true, rel=0.01)
+    assert found.low < true < found.high
+    assert estimate.factor(pressures, 0.1, 1.0) == pytest.approx(
+        true / model.stiffness(pressures, 0.1), rel=0.01
+    )

@@ -197,16 +197,14 @@ def test_rows_of_a_controller_give_the_same(name: str, torque: float, stiffness:
     found = joint.pressures_for(torque, stiffness, position)
     rows[:, 0], rows[:, 1] = LOW, HIGH
     rows[:, 3 + L_RATIO] = np.array(joint.arms) / RADIUS
-    w = for_kernel(rows)
-    reached = pressures_for(
-        c, for_kernel(np.zeros((1, 1))), w, 3, 0, 1, position, torque, stiffness
-    )
+    w, no_table = for_kernel(rows), for_kernel(np.zeros((1, 1)))
+    reached = pressures_for(c, no_table, w, 3, 0, 1, position, torque, stiffness)
     assert reached[:2] == pytest.approx((found.torque, found.stiffness), rel=1e-9, abs=1e-9)
     assert reached[2:] == (found.torque_limited, found.stiffness_limited)
     assert [row[3 + L_PRESSURE] for row in w] == pytest.approx(found.pressures, rel=1e-7)
     for row, pressure in zip(w, found.pressures, strict=True):
         row[2] = pressure
-    model = muscles_torque(c, for_kernel(np.zeros((1, 1))), w, 3, 2, position)
+    model = muscles_torque(c, no_table, w, 3, 2, position)
     assert model == pytest.approx(joint.torque(found.pressures, position), rel=1e-12)
 
 
