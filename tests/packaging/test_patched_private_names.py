@@ -54,6 +54,8 @@ LEFT = {
     "system/test_unforeseen_exceptions.py": {"_error", "_thread"},
 }
 """Names that tests of a file still change."""
+LIKELY = re.compile(r"attr\(.*_|attr\(\n|\._[A-Za-z]\w*.*=")
+"""Of files that are worth parsing."""
 
 
 def changed(tree: ast.Module) -> set[str]:
@@ -80,7 +82,8 @@ def test_no_test_changes_a_private_name_that_is_not_in_the_list() -> None:
     found = {
         path.relative_to(ROOT / "tests").as_posix(): names
         for path in sorted((ROOT / "tests").rglob("*.py"))
-        if (names := changed(ast.parse(path.read_text(encoding="utf-8"))))
+        if LIKELY.search(text := path.read_text(encoding="utf-8"))
+        and (names := changed(ast.parse(text)))
     }
     new = {file: names - LEFT.get(file, set()) for file, names in found.items()}
     assert not any(new.values()), f"give the code an argument, or make the name public: {new}"
