@@ -9,15 +9,12 @@ from operator import attrgetter
 from typing import NamedTuple
 
 from pam_control.feedback.pid import PidGains
-from pam_control.joint_models import JointModels
+from pam_control.joint_models import JointModels, PerMuscle
 from pam_control.learning.motion_learner import MotionLearner
 from pam_control.references.motion_limiter import MotionLimits
 from pam_control.references.spline import JointReference
 from pam_control.settings import ControlSettings
 from pam_model.rig import Rig
-
-Pressures = tuple[float, ...]
-"""One number for each muscle of a joint, in the order of its arms."""
 
 
 @dataclass(slots=True)
@@ -81,7 +78,7 @@ class Moment(NamedTuple):
         return cls(row[place], JointReference(*row[place + 1 : place + 4]))
 
     @property
-    def row(self) -> tuple[float, ...]:
+    def row(self) -> PerMuscle:
         """As in a row."""
         at = self.reference
         return self.time, at.position, at.velocity, at.acceleration
@@ -136,8 +133,8 @@ class PlanRequest:
     torque: float | None
     motion: MeasuredMotion
     fresh: float
-    pressures: Pressures
-    desired: Pressures
+    pressures: PerMuscle
+    desired: PerMuscle
     measured_at: float
     seen: Moment
     now: Moment
@@ -152,7 +149,7 @@ class PlanRequest:
         return max(self.acts, key=attrgetter("time"))
 
     @property
-    def side_velocities(self) -> tuple[float, ...]:
+    def side_velocities(self) -> PerMuscle:
         """Velocity of the reference when each valve will act [rad/s]."""
         return tuple(moment.reference.velocity for moment in self.acts)
 
@@ -197,7 +194,7 @@ class PressurePlan:
     Attributes
     ----------
     reference : tuple of float
-        Pressures for the time of measurement [Pa].
+        PerMuscle for the time of measurement [Pa].
     rate : tuple of float
         Feedforward pressure rate at the time when the valve acts [Pa/s].
     ahead : tuple of float
@@ -212,10 +209,10 @@ class PressurePlan:
         What the plan is meant to give.
     """
 
-    reference: Pressures
-    rate: Pressures
-    ahead: Pressures
-    velocities: tuple[float, ...]
+    reference: PerMuscle
+    rate: PerMuscle
+    ahead: PerMuscle
+    velocities: PerMuscle
     missed: float
     integral: float
     telemetry: LawTelemetry
@@ -248,7 +245,7 @@ class JointTelemetry(NamedTuple):
     reference: JointReference = JointReference(math.nan)
     motion: MeasuredMotion = MeasuredMotion()
     error: float = math.nan
-    pressures: Pressures = (math.nan, math.nan)
+    pressures: PerMuscle = (math.nan, math.nan)
     clipped: tuple[str, ...] = ()
     behind_tube: int = 0
     law: LawTelemetry = LawTelemetry()
@@ -295,7 +292,7 @@ class ControlOutput:
         One for each joint; empty without commands.
     """
 
-    commands: tuple[float, ...] | None
+    commands: PerMuscle | None
     reason: str = ""
     joints: tuple[JointTelemetry, ...] = ()
 

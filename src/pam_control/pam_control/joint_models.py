@@ -14,7 +14,8 @@ from pam_model.robot import Robot, RobotJoint, RobotMuscle
 from pam_model.views.inverse_dynamics import InverseDynamics
 from pam_ros.valve_command import FLOW
 
-Pair = tuple[float, float]
+PerMuscle = tuple[float, ...]
+"""One number for each muscle of a joint, in the order of its arms."""
 
 # Of max_pressure, above which the driver vents: pressure loops overshoot by 1 %, and noise adds.
 PRESSURE_SHARE = 0.97
@@ -37,7 +38,7 @@ class JointModels:
     dry_friction : JointFriction
         As it is compensated.
     muscles : tuple of RobotMuscle
-        Agonist, antagonist.
+        In the order of the arms of the joint.
     scale : JointScale
         Its size.
     pressure_lag : float
@@ -105,17 +106,16 @@ class JointModels:
         low, high = self.model.position_range
         return limited(position, low, high)
 
-    def acting_delays(self, settings: ControlSettings) -> Pair:
+    def acting_delays(self, settings: ControlSettings) -> PerMuscle:
         """Time from a control cycle until each valve acts, by the rig file [s].
 
         The lag of a flow valve is partly made up for by a lead, that of a regulator is not.
         """
         soon = settings.command_delay + 0.5 * settings.period
-        first, second = (
+        return tuple(
             soon
             + (settings.lead_ratio if muscle.valve.kind == FLOW else 1.0)
             * muscle.valve.follows_after
             + muscle.valve.command_delay
             for muscle in self.muscles
         )
-        return first, second

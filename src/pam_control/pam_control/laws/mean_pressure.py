@@ -19,7 +19,7 @@ from pam_control.declared import Declared
 from pam_control.feedback.linear_joint import LoopStructure
 from pam_control.feedback.margins import LoopCase
 from pam_control.feedback.operating_points import POSITION_SHARES
-from pam_control.joint_models import JointModels, Pair
+from pam_control.joint_models import JointModels, PerMuscle
 from pam_control.limited import limited
 from pam_model.views.linearised_joint import operating_point
 
@@ -108,7 +108,7 @@ def loop_cases(models: JointModels, mean: float, structure: LoopStructure) -> li
 
 
 def begin_mean(
-    models: JointModels, position: float, pressures: Pair, goal: float
+    models: JointModels, position: float, pressures: PerMuscle, goal: float
 ) -> MeanPressureState:
     """Start from the mean of two pressures at a position.
 
@@ -145,7 +145,9 @@ def next_mean(
     return state.balance * change, MeanPressureState(state.mean + change, state.balance)
 
 
-def told(models: JointModels, request: PlanRequest, pressures: Pair, clipped: bool) -> LawTelemetry:
+def told(
+    models: JointModels, request: PlanRequest, pressures: PerMuscle, clipped: bool
+) -> LawTelemetry:
     """Torque and stiffness that the desired pressures [Pa] give."""
     position = models.inside(request.motion.position)
     torque = models.model.torque(pressures, position)
@@ -155,7 +157,7 @@ def told(models: JointModels, request: PlanRequest, pressures: Pair, clipped: bo
 
 
 def difference_per_mean(
-    models: JointModels, position: float, pressures: Pair, goal: float
+    models: JointModels, position: float, pressures: PerMuscle, goal: float
 ) -> float:
     """Change of half the difference per change of the mean on a way that keeps the torque.
 

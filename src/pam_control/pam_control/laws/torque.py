@@ -167,12 +167,14 @@ class Torque(Law[TorqueState]):
             yields=True,
             driven=True,
         )
-        first, second = then.agonist - reached.agonist, then.antagonist - reached.antagonist
+        changes = tuple(
+            later - now for later, now in zip(then.pressures, reached.pressures, strict=True)
+        )
         plan = PressurePlan(
-            (reached.agonist, reached.antagonist),
-            (first / ahead, second / ahead),
-            (first, second),
-            (motion.velocity, motion.velocity),
+            reached.pressures,
+            tuple(each / ahead for each in changes),
+            changes,
+            (motion.velocity,) * len(changes),
             0.0,
             0.0,
             telemetry,
