@@ -167,6 +167,11 @@ class AntagonisticJoint:
         first, second = self.statics.volumes(position)
         return first, second
 
+    def volume_slopes(self, position: float) -> Pair:
+        """dV/dq of both muscles [m^3/rad]."""
+        first, second = self.statics.volume_slopes(position)
+        return first, second
+
     def pressures_for(self, torque: float, stiffness: float, position: float) -> JointPressures:
         """The pressures for a torque and a stiffness; as `JointStatics.pressures_for`."""
         return self.statics.pressures_for(torque, stiffness, position)

@@ -28,7 +28,8 @@ from pam_model.robot.robot import Robot, RobotJoint
 
 _EDGE = 1e-6
 _ROUNDS = 20
-_PRESSURE_TOLERANCE = 0.1
+_PRESSURE_TOLERANCE = 0.1  # Pa
+_TORQUE_TOLERANCE = 1e-6  # N at the radius
 
 
 class JointStatics:
@@ -267,7 +268,9 @@ class JointStatics:
 
         The request is limited to the range of the pressures: first the torque to its reachable
         range, then the stiffness to the range that is reachable at this torque. Where more than
-        two muscles leave a choice, the sum of squares of the pressures is the least.
+        two muscles leave a choice, the sum of squares of the pressures is the least. With models
+        that are not affine in pressure, more than two muscles may miss a stiffness near the end of
+        its range by a few per cent, which then counts as limited.
 
         Parameters
         ----------
@@ -354,8 +357,38 @@ class JointStatics:
                     lines[index] = through(lines[index], before, point)
                 last[index] = point
             if step < _PRESSURE_TOLERANCE:
+                return pressures
+        return self._with_torque(list(pressures), lines, lengths, torque)
+
+    def _with_torque(
+        self,
+        pressures: list[float],
+        lines: Sequence[Line],
+        lengths: Sequence[float],
+        torque: float,
+    ) -> tuple[float, ...]:
+        """The least change of pressures that did not converge which gives the torque, if any does.
+
+        It may happen at the ends of the range of the stiffness, and the torque has priority.
+        """
+        for _ in range(_ROUNDS):
+            pulls = [
+                max(0.0, float(muscle.model.force(pressure, length)))
+                for muscle, pressure, length in zip(self.muscles, pressures, lengths, strict=True)
+            ]
+            missed = torque - self._sum(pulls)
+            slopes = [arm * line[2] for arm, line in zip(self.arms, lines, strict=True)]
+            for k, (slope, muscle) in enumerate(zip(slopes, self.muscles, strict=True)):
+                end = muscle.high_pressure if slope * missed > 0.0 else muscle.low_pressure
+                if pressures[k] == end:
+                    slopes[k] = 0.0
+            square = sum(slope * slope for slope in slopes)
+            if square == 0.0 or abs(missed) < _TORQUE_TOLERANCE * self.radius:
                 break
-        return pressures
+            for k, (slope, muscle) in enumerate(zip(slopes, self.muscles, strict=True)):
+                moved = pressures[k] + slope * missed / square
+                pressures[k] = min(max(moved, muscle.low_pressure), muscle.high_pressure)
+        return tuple(pressures)
 
 
 def _line(muscle: JointMuscle, length: float) -> Line:
