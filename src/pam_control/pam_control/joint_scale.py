@@ -49,16 +49,8 @@ class JointScale:
             Its muscles, with the pressures that the controller may ask for.
         """
         middle = 0.5 * sum(joint.position_limits)
-        most, least = (
-            model.torque(
-                [
-                    muscle.high_pressure if sign * arm > 0.0 else 0.0
-                    for muscle, arm in zip(model.muscles, model.arms, strict=True)
-                ],
-                middle,
-            )
-            for sign in (1.0, -1.0)
-        )
+        pressures = [muscle.high_pressure for muscle in model.muscles]
+        least, most = model.torque_range(pressures, middle)
         return cls(0.5 * (most - least), model.pressures_for(0.0, _ALL, middle).stiffness, joint)
 
     def complete(self, settings: ControlSettings) -> ControlSettings:

@@ -5,8 +5,8 @@ and at constant pressures stiffness = -d torque/dq is the sum of a_i^2 dF_i/dL. 
 of round pulleys: they do not depend on the position. A spring or a weight at the joint is not part
 of it; whoever asks for a torque asks for what the muscles have to give.
 
-For models affine in pressure the inverse is exact (`muscle_inverse`). For other models, the line of
-each muscle is iterated with secants through the last two points until it converges.
+For models affine in pressure the inverse is exact (`muscle_inverse`); for others, it is iterated
+(`iterated_inverse`).
 
 Source: section on antagonistic joints of "A Review of Design and Modeling of Pneumatic
 Artificial Muscle".
@@ -19,17 +19,18 @@ from collections.abc import Callable, Sequence
 
 from pam_model.bounds import within
 from pam_model.errors import DomainError
-from pam_model.joints.affine_inverse import Line, Point, affine_line, is_limited, shifted, through
+from pam_model.joints.affine_inverse import Line, is_limited
+from pam_model.joints.iterated_inverse import (
+    iterated_pressures,
+    line_of_muscle,
+    pressures_of_lines,
+)
 from pam_model.joints.joint_muscle import JointMuscle, JointPressures
-from pam_model.joints.muscle_inverse import L_PRESSURE, N_LINE, muscle_pressures, write_line
 from pam_model.rig.types import Rig
 from pam_model.robot.compose import compose
 from pam_model.robot.robot import Robot, RobotJoint
 
 _EDGE = 1e-6
-_ROUNDS = 20
-_PRESSURE_TOLERANCE = 0.1  # Pa
-_TORQUE_TOLERANCE = 1e-6  # N at the radius
 
 
 class JointStatics:
@@ -181,7 +182,21 @@ class JointStatics:
 
     def torque(self, pressures: Sequence[float], position: float, velocity: float = 0.0) -> float:
         """Torque of the muscles [N m]; arguments and errors as for `tensions`."""
-        return self._sum(self.tensions(pressures, position, velocity))
+        return self.torque_of(self.tensions(pressures, position, velocity))
+
+    def torque_range(self, pressures: Sequence[float], position: float) -> tuple[float, float]:
+        """Least and largest torque [N m]: only the muscles of one direction have a pressure."""
+        least, largest = (
+            self.torque(
+                [
+                    pressure if sign * arm > 0.0 else 0.0
+                    for pressure, arm in zip(pressures, self.arms, strict=True)
+                ],
+                position,
+            )
+            for sign in (-1.0, 1.0)
+        )
+        return least, largest
 
     def torques(self, several: Sequence[Sequence[float]], position: float) -> list[float]:
         """Torques [N m] of several sets of pressures at one position, at rest; see `tensions`."""
@@ -193,7 +208,7 @@ class JointStatics:
             if muscle.affine_model is not None
         ]
         return [
-            self._sum(
+            self.torque_of(
                 [
                     max(0.0, pressure * scale + passive)
                     for pressure, (scale, passive) in zip(pressures, pulls, strict=True)
@@ -202,8 +217,8 @@ class JointStatics:
             for pressures in several
         ]
 
-    def _sum(self, pulls: Sequence[float]) -> float:
-        """The torque of pulls; the order of the operations is that of the compiled plan."""
+    def torque_of(self, pulls: Sequence[float]) -> float:
+        """Torque [N m] of the pulls of the muscles [N]."""
         total = 0.0
         for ratio, pull in zip(self.ratios, pulls, strict=True):
             total += ratio * pull
@@ -294,9 +309,20 @@ class JointStatics:
         low, high = self.position_range
         inside = low if position < low else min(position, high)
         lines = self.lines(inside)
-        pressures, reached, stiff, cut, soft = self._inverse(lines, torque, stiffness)
+        request = torque, stiffness
+        pressures, reached, stiff, cut, soft = pressures_of_lines(
+            lines, self.ratios, self.radius, *request
+        )
         if not self._is_affine:
-            pressures = self._refine(lines, self.lengths(inside), torque, stiffness)
+            pressures = iterated_pressures(
+                self.muscles,
+                self.ratios,
+                self.radius,
+                lines,
+                self.lengths(inside),
+                torque,
+                stiffness,
+            )
             reached = self.torque(pressures, inside)
             stiff = self.stiffness(pressures, inside)
             strongest = sum(
@@ -317,94 +343,4 @@ class JointStatics:
     def lines(self, position: float) -> list[Line]:
         """What each muscle does at a position [rad], in the range of its pressures."""
         both = zip(self.muscles, self.lengths(position), strict=True)
-        return [_line(muscle, length) for muscle, length in both]
-
-    def _inverse(
-        self, lines: Sequence[Line], torque: float, stiffness: float
-    ) -> tuple[tuple[float, ...], float, float, bool, bool]:
-        """The pressures, and what `muscle_pressures` returns."""
-        rows = [[0.0] * N_LINE for _ in lines]
-        for row, line, ratio in zip(rows, lines, self.ratios, strict=True):
-            write_line(row, 0, line, ratio)
-        found = muscle_pressures(rows, 0, self.radius, torque, stiffness)
-        return tuple(row[L_PRESSURE] for row in rows), *found
-
-    def _refine(
-        self,
-        lines: list[Line],
-        lengths: Sequence[float],
-        torque: float,
-        stiffness: float,
-    ) -> tuple[float, ...]:
-        """Pressures for models that are not affine: iterate the lines until they converge."""
-        last: list[Point | None] = [None] * len(lines)
-        pressures: tuple[float, ...] = ()
-        for _ in range(_ROUNDS):
-            pressures = self._inverse(lines, torque, stiffness)[0]
-            step = 0.0
-            for index, (muscle, length) in enumerate(zip(self.muscles, lengths, strict=True)):
-                before, pressure = last[index], pressures[index]
-                point = (
-                    pressure,
-                    float(muscle.model.force(pressure, length)),
-                    float(muscle.model.stiffness(pressure, length)),
-                )
-                moved = math.inf if before is None else abs(pressure - before[0])
-                step = max(step, moved)
-                if before is None or moved <= _PRESSURE_TOLERANCE:
-                    lines[index] = shifted(lines[index], point)
-                else:
-                    lines[index] = through(lines[index], before, point)
-                last[index] = point
-            if step < _PRESSURE_TOLERANCE:
-                return pressures
-        return self._with_torque(list(pressures), lines, lengths, torque)
-
-    def _with_torque(
-        self,
-        pressures: list[float],
-        lines: Sequence[Line],
-        lengths: Sequence[float],
-        torque: float,
-    ) -> tuple[float, ...]:
-        """The least change of pressures that did not converge which gives the torque, if any does.
-
-        It may happen at the ends of the range of the stiffness, and the torque has priority.
-        """
-        for _ in range(_ROUNDS):
-            pulls = [
-                max(0.0, float(muscle.model.force(pressure, length)))
-                for muscle, pressure, length in zip(self.muscles, pressures, lengths, strict=True)
-            ]
-            missed = torque - self._sum(pulls)
-            slopes = [arm * line[2] for arm, line in zip(self.arms, lines, strict=True)]
-            for k, (slope, muscle) in enumerate(zip(slopes, self.muscles, strict=True)):
-                end = muscle.high_pressure if slope * missed > 0.0 else muscle.low_pressure
-                if pressures[k] == end:
-                    slopes[k] = 0.0
-            square = sum(slope * slope for slope in slopes)
-            if square == 0.0 or abs(missed) < _TORQUE_TOLERANCE * self.radius:
-                break
-            for k, (slope, muscle) in enumerate(zip(slopes, self.muscles, strict=True)):
-                moved = pressures[k] + slope * missed / square
-                pressures[k] = min(max(moved, muscle.low_pressure), muscle.high_pressure)
-        return tuple(pressures)
-
-
-def _line(muscle: JointMuscle, length: float) -> Line:
-    """What a muscle does at a length [m]."""
-    model, low, high = muscle.model, muscle.low_pressure, muscle.high_pressure
-    affine = muscle.affine_model
-    if affine is not None:
-        scale, passive = affine.coefficients(length)
-        return affine_line(scale, passive, *affine.coefficient_slopes(length), low, high)
-    ends = [
-        (each, float(model.force(each, length)), float(model.stiffness(each, length)))
-        for each in (low, high)
-    ]
-    weakest, strongest = (max(0.0, pull) for _, pull, _ in ends)
-    if strongest <= weakest:
-        # The muscle is too short to pull at any pressure, so the choice has no influence.
-        rate = ends[0][2] if weakest > 0.0 else 0.0
-        return weakest, weakest, 0.0, weakest, 0.0, rate, low, high
-    return through((weakest, strongest, 0.0, 0.0, 0.0, 0.0, low, high), *ends)
+        return [line_of_muscle(muscle, length) for muscle, length in both]
