@@ -28,7 +28,6 @@ LEFT = {
     "pam_check/test_soak.py": {"_bus"},
     "pam_control/test_kept_designs.py": {"_design"},
     "pam_control/test_stop_never_waits.py": {"_designed_and_checked", "_limits"},
-    "pam_demo/test_chain.py": {"_domains"},
     "pam_demo/test_commission.py": {"_allowed"},
     "pam_demo/test_demo_start.py": {
         "_call",
@@ -49,7 +48,6 @@ LEFT = {
     "pam_model/test_compile_beside.py": {"_CACHE"},
     "pam_model/test_kernel_cache.py": {"_CACHE", "_HERE"},
     "pam_robot/test_robot_nodes.py": {"_work"},
-    "pam_ros/test_node_parameters.py": {"_given"},
     "pam_ros/test_phase_follower.py": {"_shift"},
     "system/test_unforeseen_exceptions.py": {"_error", "_thread"},
 }
