@@ -78,6 +78,11 @@ class JointStatics:
         """Of the first muscle [m]; the ratios of the arms refer to it."""
         self.ratios = tuple(arm / self.radius for arm in arms)
         self.ambient_pressure, self.exponent = ambient_pressure, exponent
+        # looked up once, because the fits of a controller ask for many torques
+        self._pulls = tuple(
+            (muscle.model.force, muscle.neutral_length, arm, ratio)
+            for muscle, arm, ratio in zip(self.muscles, self.arms, self.ratios, strict=True)
+        )
         self._is_affine = all(muscle.affine_model is not None for muscle in muscles)
         ends = []
         for muscle, arm in zip(muscles, arms, strict=True):
@@ -157,10 +162,7 @@ class JointStatics:
 
     def lengths(self, position: float) -> tuple[float, ...]:
         """Lengths of the muscles [m] at a position [rad]."""
-        return tuple(
-            muscle.neutral_length - arm * position
-            for muscle, arm in zip(self.muscles, self.arms, strict=True)
-        )
+        return tuple([neutral - arm * position for _, neutral, arm, _ in self._pulls])
 
     def tensions(
         self, pressures: Sequence[float], position: float, velocity: float = 0.0
@@ -174,10 +176,12 @@ class JointStatics:
         """
         speed = self.radius * velocity
         return tuple(
-            max(0.0, float(muscle.model.force(pressure, length, -ratio * speed)))
-            for muscle, ratio, pressure, length in zip(
-                self.muscles, self.ratios, pressures, self.lengths(position), strict=True
-            )
+            [
+                max(0.0, float(force(pressure, neutral - arm * position, -ratio * speed)))
+                for (force, neutral, arm, ratio), pressure in zip(
+                    self._pulls, pressures, strict=True
+                )
+            ]
         )
 
     def torque(self, pressures: Sequence[float], position: float, velocity: float = 0.0) -> float:

@@ -41,6 +41,8 @@ N_LINE: Final = 18
 stiffness, range of the pressure on the line, torque over radius and stiffness over its square per
 pressure, the part of the latter that is orthogonal to the former, and whether it is at an end."""
 
+AGAINST_EACH_OTHER: Final = (1.0, -1.0)
+"""The ratios of two muscles that have the exact inverse."""
 _FREE, _AT_BEGIN, _AT_END = 0.0, -1.0, 1.0
 _PARALLEL: Final = 1e-10  # squared sine between the two equations, below which they are one
 _EDGE: Final = 1e-9  # of the largest pressure, by which a multiplier may have the wrong sign
