@@ -262,6 +262,19 @@ def test_a_cause_has_one_probability_and_sets_of_causes_are_folded() -> None:
     assert "How probable" not in render(data())
 
 
+def test_a_rival_that_is_nearly_as_probable_stands_in_the_first_lines() -> None:
+    """Of 53 and 45 %, the box said only 53 %, and that no further experiment is needed."""
+    shares = {"coulomb_friction": 0.53, "stribeck_friction": 0.45, "unknown": 0.02}
+    page = without_scripts(render(data(probabilities=shares, effects=["coulomb_friction"])))
+    box = " ".join(page.partition("<figure")[0].split())
+    assert "Coulomb friction 53 %; not named, but possible: Stribeck friction 45 %" in box
+    assert "needs no further experiment" not in page
+    shares |= {"coulomb_friction": 0.9, "stribeck_friction": 0.08}
+    page = without_scripts(render(data(probabilities=shares, effects=["coulomb_friction"])))
+    assert "not named, but possible" not in page
+    assert "needs no further experiment" in page
+
+
 def test_why_a_simpler_cause_was_preferred_is_said() -> None:
     """A cause was named with weight 0.0 while a pair had 0.88, and the page did not say why."""
     why = "creep + hysteresis fits this recording better, but hysteresis was preferred because"
