@@ -147,7 +147,10 @@ def _joint(section: Section, name: str) -> tuple[Joint | None, list[str]]:
     before = len(section.problems.lines)
     muscles = section.names("muscles") or []
     if len(muscles) == 2 and muscles[0] == muscles[1]:
-        section.add("muscles", f" = {muscles}: {muscles[0]} is named twice; must be two muscles")
+        section.add(
+            "muscles",
+            f" = {muscles}: {muscles[0]} is named twice; must be two, [agonist, antagonist]",
+        )
     elif muscles and len(muscles) != 2:
         section.add("muscles", f" = {muscles}: must be two, [agonist, antagonist]")
     elif not muscles and "muscles" in section.tree:
