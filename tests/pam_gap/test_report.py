@@ -264,13 +264,17 @@ def test_a_cause_has_one_probability_and_sets_of_causes_are_folded() -> None:
 
 def test_a_rival_that_is_nearly_as_probable_stands_in_the_first_lines() -> None:
     """Of 53 and 45 %, the box said only 53 %, and that no further experiment is needed."""
+
+    def answer(shares: dict[str, float]) -> ReportData:
+        return data(probabilities=shares, effects=["coulomb_friction"], next_experiment="")
+
     shares = {"coulomb_friction": 0.53, "stribeck_friction": 0.45, "unknown": 0.02}
-    page = without_scripts(render(data(probabilities=shares, effects=["coulomb_friction"])))
+    page = without_scripts(render(answer(shares)))
     box = " ".join(page.partition("<figure")[0].split())
     assert "Coulomb friction 53 %; not named, but possible: Stribeck friction 45 %" in box
     assert "needs no further experiment" not in page
     shares |= {"coulomb_friction": 0.9, "stribeck_friction": 0.08}
-    page = without_scripts(render(data(probabilities=shares, effects=["coulomb_friction"])))
+    page = without_scripts(render(answer(shares)))
     assert "not named, but possible" not in page
     assert "needs no further experiment" in page
 
