@@ -366,7 +366,7 @@ def map_text(proposed: list[Proposed], rate: float = 0.0) -> str:
     def entry(one: Proposed) -> Any:
         if one.more:
             return {"columns": {one.column: 1.0, **dict(one.more)}}
-        stated = {"unit": one.unit} if one.unit else {}
+        stated: dict[str, str | bool] = {"unit": one.unit} if one.unit else {}
         stated |= {"absolute": True} if one.absolute else {}
         return {"column": one.column, **stated} if stated else one.column
 
