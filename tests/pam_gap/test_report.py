@@ -16,7 +16,7 @@ from matplotlib.text import Text
 import pam_gap
 from pam_gap.answer import report, report_figures
 from pam_gap.answer.page_style import STYLE, VERDICT_COLOURS
-from pam_gap.answer.plots_in_page import NARROW, WIDE
+from pam_gap.answer.plots_in_page import NARROW, WIDE, picture
 from pam_gap.answer.provenance import provenance
 from pam_gap.answer.report import RankedCandidate, ReportData, StageBar, render, write_report
 from pam_gap.answer.report_figures import GUILTY, STAGES
@@ -398,3 +398,9 @@ def test_text_has_the_contrast_of_wcag_aa_in_light_and_dark() -> None:
                 assert contrast(scheme[ink], scheme[paper]) >= 4.5, (ink, paper)
     for colour in (*VERDICT_COLOURS.values(), NOMINAL, IMPROVED, CLOSEST, MEASURED):
         assert contrast(colour, "#fff") >= 3.0, colour  # graphics, WCAG 1.4.11
+
+
+def test_a_plot_is_never_wider_than_the_page_that_holds_it() -> None:
+    """On a phone of 390 px, the demo's page was 427 px wide."""
+    (image,) = re.findall(r"<img [^>]*?alt=", picture(lambda width: Figure((width, 1.0)), "", {}))
+    assert "max-width:100%" in image
