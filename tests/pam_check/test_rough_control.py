@@ -164,7 +164,7 @@ def test_gains_that_were_tuned_with_other_code_are_searched_again(rough, monkeyp
     joint, muscles = rough.hidden("payload")
     before = rough._key(joint, muscles, 30)
     assert rough._key(joint, muscles, 30) == before
-    monkeypatch.setattr("pam_check.control.rough_control._code_version", lambda: "another")
+    monkeypatch.setattr("pam_check.control.rough_control.code_version", lambda: "another")
     assert rough._key(joint, muscles, 30) != before
 
 
