@@ -260,7 +260,7 @@ def plan_now(
         x[X_UNEXPLAINED] = muscles + known - model
         is_due = take_torque(
             a, x[X_FRESH], x[X_UNEXPLAINED], (muscles - x[X_TORQUE_BEFORE]) / RATE_SPAN,
-            position, speed, s[S_SPEED_FILTER],
+            position, speed, s[S_SPEED_FILTER], planned_at(plans, ends, x[X_SEEN], P_STIFFNESS),
         )  # fmt: skip
         x[X_BESIDE] = known - model + gravity(c, position)
         y[Y_SINCE_ESTIMATE] += max(x[X_FRESH], 0.0)

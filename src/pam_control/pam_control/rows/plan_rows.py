@@ -56,9 +56,10 @@ N_CYCLE: Final = 48
 N_PLAN: Final = 20
 
 # state and filters of what is learnt of the torque
-N_SAMPLE: Final = 11
-"""Unexplained torque, 1, q, q^3, the elements of `motion_functions`, rate of the torque."""
-N_FUNCTIONS: Final = 12
+N_SAMPLE: Final = 12
+"""Unexplained torque, 1, q, q^3, the elements of `motion_functions`, rate of the torque, and
+stiffness."""
+N_FUNCTIONS: Final = 13
 (A_BEGUN, A_SINCE, A_DELAY, A_WANTED_DELAY, A_KNOWS, A_FRICTION, A_SPEED_ONCE, A_SPEED_TWICE,
  A_SPEED_BEFORE) = range(9)  # fmt: skip
 A_WEIGHTS: Final = 9
