@@ -32,6 +32,7 @@ REACHES: Final = (0.6, -0.6, 0.3, -0.3, 0.0)  # of the reach
 PAUSE: Final = 0.3  # s
 STEP: Final = 0.02  # s between waypoints
 REST: Final = 1.0  # s, at the start of the motion
+AHEAD: Final = 0.5  # s, in which the joint rests, because to plan a motion takes some periods
 COLUMNS: Final = ("time", "reference", "position")
 
 
@@ -156,8 +157,8 @@ def track(
         while reading.time <= end and not stopped:
             now = reading.time
             seen, stopped = watched(seen, reading, limits, port.period)
-            if not stopped and due and now >= due[0][0]:
-                stopped = _follow(controller, name, due.pop(0)[1], now)
+            if not stopped and due and now >= due[0][0] - AHEAD:
+                stopped = _follow(controller, name, *due.pop(0), now)
             if stopped:
                 break
             most = np.maximum(most, limits.shares(reading.pressures, seen.speed, reading.position))
@@ -166,8 +167,9 @@ def track(
             if output.commands is None:
                 stopped = output.reason
                 break
-            if not due:
-                reference = controller.references.sample(name, now).position
+            if now >= begin:
+                sampled = now - port.measurement_delay
+                reference = controller.references.sample(name, sampled).position
                 rows.append((now - begin, reference, reading.position))
             commands = (output.commands[0], output.commands[1])
             reading = port.advance(commands)
@@ -191,11 +193,15 @@ def track(
 
 
 def _follow(
-    controller: Controller, name: str, points: Sequence[TrajectoryPoint], now: float
+    controller: Controller,
+    name: str,
+    start: float,
+    points: Sequence[TrajectoryPoint],
+    now: float,
 ) -> str:
-    """Follow a trajectory from now on; why it is refused, or empty."""
+    """Follow a trajectory from `start` on [s]; why it is refused, or empty."""
     try:
-        controller.references.follow([name], points, start=None, now=now)
+        controller.references.follow([name], points, start=start, now=now)
     except CommandError as error:
         return str(error)
     return ""
