@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import replace
 from functools import partial
+from itertools import chain
 
 import numpy as np
 
@@ -44,7 +46,7 @@ from pam_gap.inference.unlisted import UnlistedFitter
 from pam_gap.inference.verdict import has_gap
 from pam_gap.prediction.bench_joint import bench_problem
 from pam_gap.prediction.channel_order import BOTH_FORCES, POSITION
-from pam_gap.prediction.fit import PlantFit
+from pam_gap.prediction.fit import PlantFit, mean_squares
 from pam_gap.prediction.gap_figures import noise_level
 from pam_gap.prediction.identifiable import cautions, small_motion, what_is_missing
 from pam_gap.prediction.locate import Location, locate
@@ -197,7 +199,64 @@ class JointDiagnosis:
         while self._goes_on(search, result):
             search.grow(result, (low, high))
             low, high = high, 0.85
+        result.singles = tuple(h.effects[0] for h in result.by_size[0])
         return result
+
+    def on_the_beginning(self) -> JointDiagnosis | None:
+        """The diagnosis of the beginning of all recordings, if that shows what all of them show."""
+        rules, problem = self.rules.search, self.problem
+        if problem.is_bench:  # every length that is held counts
+            return None
+        self.progress("re-tuning nominal parameters", 0.0)
+        errors = self.fitter.fit_nominal().simulated
+        whole = mean_squares(errors, problem.counted)
+        longest, seconds = float(problem.row_time.max()), rules.search_time
+        while seconds < 0.7 * longest:
+            small = problem.beginning(seconds)
+            shown = mean_squares(errors, problem.counted & (problem.row_time < seconds))
+            motion = squared_motion(small)
+            is_shown = (shown >= rules.search_shows * whole) & (
+                motion >= rules.search_shows**2 * self.motion
+            )
+            if is_shown[self.present].all():
+                other = copy(self)
+                other.problem, other.motion = small, motion
+                other.fitter = HypothesisFitter(small, self.floor)
+                other.folds = make_folds(small)
+                other.judge = Judge(self.floor, self.present, self.rules.decision, motion)
+                return other
+            seconds *= 2.0
+        return None
+
+    def search_in_parts(self) -> SearchResult:
+        """Search the beginning of the recordings, and fit what leads there to all of them."""
+        small = self.on_the_beginning()
+        if small is None:
+            return self.search()
+        found = small.search()
+        self.progress("leading hypotheses on all data", 0.84)
+        share = small.problem.n_rows / self.problem.n_rows  # what a simulation takes of a whole one
+        self.problem.simulations += share * small.problem.simulations
+        self.causes = small.causes
+        if small.fitter.background is None:
+            self.fitter.without_background()
+        if small.judge.background.any():
+            self.judge.background = self.fitter.discrepancy
+        nominal = self.fitter.fit_nominal()
+        slopes, steps = nominal.result.jacobian, self.rules.search.screening_steps
+        leading = self.leading(found)
+        fits = iter(
+            self.fitter.fit_all(
+                [
+                    FitTask(h.members, h.result.values, steps, guess=slopes)
+                    for some in leading
+                    for h in some
+                ]
+            )
+        )
+        by_size = [sorted((next(fits) for _ in some), key=self._left) for some in leading]
+        first = tuple(h.effects[0] for h in by_size[0])
+        return SearchResult(nominal, by_size, tuple(dict.fromkeys((*first, *found.singles))))
 
     def has_no_background(self, result: SearchResult) -> bool:
         """Whether one or two causes explain the recordings without any background."""
@@ -208,15 +267,17 @@ class JointDiagnosis:
         self.progress("one or two effects, no background", 0.36)
         return is_clean(self.fitter, result.nominal, result.by_size[0], share)
 
+    def _left(self, h: Hypothesis) -> float:
+        """Level of a hypothesis over noise and background."""
+        return level(h.mean_square, self.floor + self.judge.background, self.present)
+
     def _goes_on(self, search: CandidateSearch, result: SearchResult) -> bool:
         """Whether one more effect is sought; the decision is kept as evidence."""
         best = result.by_size[-1][0]
         size = len(result.by_size)
         floor = self.floor + self.judge.background
 
-        def left(h: Hypothesis) -> float:
-            return level(h.mean_square, floor, self.present)
-
+        left = self._left
         limit = self.rules.decision.material_share**2 * self.motion
         matters = bool((best.mean_square - floor > limit)[self.present].any())
         step = GrowthStep(size, int(self.present.sum()), matters, left(result.nominal), left(best))
@@ -228,14 +289,11 @@ class JointDiagnosis:
         self.growth.append((step, goes_on))
         return goes_on
 
-    def finalists(self, result: SearchResult) -> list[Hypothesis]:
+    def leading(self, result: SearchResult) -> list[list[Hypothesis]]:
         """The best hypotheses of each size, which get a held-out score."""
         rules = self.rules.search
         shares = (rules.finalists_one, rules.finalists_two, rules.finalists_three)
-        chosen: list[Hypothesis] = []
-        for size, found in enumerate(result.by_size):
-            chosen += found[: shares[min(size, 2)]]
-        return chosen
+        return [found[: shares[min(size, 2)]] for size, found in enumerate(result.by_size)]
 
     def settled(self, score: HeldOut) -> HeldOut:
         """Complete the fit of a hypothesis, from the rig file's numbers, and return its score."""
@@ -294,6 +352,7 @@ class JointDiagnosis:
         self.judge.set_floor(scores)
         if not has_gap(self.judge.level(scores[0]), int(self.present.sum()), self.rules.decision):
             return []
+        self.progress("causes outside the table", 0.9)
         usual = [score for score in scores if score.ordinary]
         best = min(usual, key=self.judge.priced_level, default=scores[0])
         beside = best.hypothesis.only(best.ordinary)
@@ -343,7 +402,7 @@ class JointDiagnosis:
         missing = what_is_missing(self.problem)
         if missing:
             return self.not_identifiable(missing)
-        evidence, location = self.evidence_of(self.search())
+        evidence, location = self.evidence_of(self.search_in_parts())
         verdict = decide(evidence, self.rules)
         self.judge = verdict.judge
         self.progress("gap figures", 0.96)
@@ -383,7 +442,7 @@ class JointDiagnosis:
         """All that the verdict depends on, with completed fits, and where the gap arises."""
         self.progress("held-out scores", 0.86)
         written = self.written()
-        nominal, *found = scores = self.scores([result.nominal, *self.finalists(result)])
+        nominal, *found = scores = self.scores([result.nominal, *chain(*self.leading(result))])
         unlisted = self.unlisted_scores(scores, result.nominal, result.by_size[0])
         retuned = nominal.hypothesis
         vector = self.fitter.vector((), retuned.result.values)
@@ -396,7 +455,7 @@ class JointDiagnosis:
             written=written,
             nominal=nominal,
             tried=tuple(score.with_causes(self.causes) for score in found),
-            singles=tuple(h.effects[0] for h in result.by_size[0]),
+            singles=result.singles,
             stages=location.stages,
             growth=tuple(self.growth),
             unlisted=tuple(unlisted),
