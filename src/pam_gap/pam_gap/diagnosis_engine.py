@@ -207,7 +207,6 @@ class JointDiagnosis:
         rules, problem = self.rules.search, self.problem
         if problem.is_bench:  # every length that is held counts
             return None
-        self.progress("re-tuning nominal parameters", 0.0)
         errors = self.fitter.fit_nominal().simulated
         whole = mean_squares(errors, problem.counted)
         longest, seconds = float(problem.row_time.max()), rules.search_time
@@ -230,6 +229,7 @@ class JointDiagnosis:
 
     def search_in_parts(self) -> SearchResult:
         """Search the beginning of the recordings, and fit what leads there to all of them."""
+        self.progress("re-tuning nominal parameters", 0.0)
         small = self.on_the_beginning()
         if small is None:
             return self.search()

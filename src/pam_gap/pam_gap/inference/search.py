@@ -154,15 +154,20 @@ class CandidateSearch:
             FitTask(
                 (*base.members, candidate),
                 np.concatenate([values, start]),
-                1,
+                self.rules.screening_steps,
                 cached=reuse,
             )
             for candidate in rivals
             for start in self._starts(candidate, warm)
         ]
-        found = self._screened(tasks, reuse)
-        for h in found:
-            self._last[h.members[-1].label] = (h.result.values[values.size :],)
+        best: dict[str, Hypothesis] = {}
+        for h in self.fitter.fit_all(tasks):
+            label = h.members[-1].label
+            if label not in best or self.level(h) < self.level(best[label]):
+                best[label] = h
+        found = list(best.values())
+        for label, h in best.items():
+            self._last[label] = (h.result.values[values.size :],)
         leaders = self._leaders(found, screened, 2 * self.rules.behind)
         self.progress(f"{task}: the best {len(leaders)}", low + (high - low) * 0.6)
         refined = self.refine(
@@ -177,19 +182,6 @@ class CandidateSearch:
             if h.label not in best_of or self.level(h) < self.level(best_of[h.label]):
                 best_of[h.label] = h
         return sorted(best_of.values(), key=self.level)
-
-    def _screened(self, tasks: Sequence[FitTask], reuse: Slopes) -> list[Hypothesis]:
-        """The best fit of each candidate; the starts that lead after one step get the other steps.
-
-        Source: successive halving, Jamieson and Talwalkar, AISTATS 2016.
-        """
-        ranked = sorted(self.fitter.fit_all(tasks), key=self.level)
-        lead, steps = self.rules.screened_starts, self.rules.screening_steps - 1
-        further = self.refine(ranked[:lead], steps, reuse=reuse if reuse.shape[-1] else None)
-        best: dict[str, Hypothesis] = {}
-        for h in sorted([*further, *ranked[lead:]], key=self.level):
-            best.setdefault(h.label, h)
-        return list(best.values())
 
     def _starts(self, candidate: Candidate, warm: bool) -> tuple[Array, ...]:
         """Starting points of a candidate: with `warm` the values of its last trial."""

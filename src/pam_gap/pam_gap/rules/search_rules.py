@@ -76,14 +76,6 @@ class SearchRules:
         origin="Two at first; raised to three after misses in the withheld check of seed "
         "3727343088.",
     )
-    screened_starts: int = rule(
-        30,
-        unit="-",
-        decides="Number of starting points, of all candidates together, from which the screening "
-        "goes on after its first step.",
-        trades=_COUNT,
-        origin=NUMERICAL,
-    )
     refine_steps: int = rule(
         5, unit="steps", decides="Further steps of the leading candidates.", trades=_STEPS
     )
