@@ -50,7 +50,10 @@ def test_most_of_a_long_recording_is_not_simulated_for_candidates(
         return errors(problem, values, *options)
 
     monkeypatch.setattr(PredictionProblem, "errors", counted)
-    engine = JointDiagnosis(rig, 0, [record(VOLUMES, duration=LONG)])
+    long = record(VOLUMES, duration=LONG)
+    assert JointDiagnosis(rig, 0, [long]).on_the_beginning() is None  # 250 Hz: too few rows
+    rules = replace(DEFAULT, search=replace(DEFAULT.search, search_rows=500))
+    engine = JointDiagnosis(rig, 0, [long], rules=rules)
     few = [c for c in engine.candidates() if c.effect in ("dead_volume", "leakage", "payload")]
     engine.candidates = lambda: few  # type: ignore[method-assign]
     small = engine.on_the_beginning()
@@ -79,10 +82,11 @@ def test_a_beginning_without_the_motion_of_the_rest_is_not_enough(rig: Rig, reco
         values=values,
         valid={name: np.ones(count, dtype=np.bool_) for name in values},
     )
-    engine = JointDiagnosis(rig, 0, [recording])
+    rules = replace(DEFAULT, search=replace(DEFAULT.search, search_rows=1))
+    engine = JointDiagnosis(rig, 0, [recording], rules=rules)
     assert engine.on_the_beginning() is None
-    turned = JointDiagnosis(rig, 0, [part_of(recording, 4000, count)])
-    assert turned.on_the_beginning() is None  # it is short
+    short = JointDiagnosis(rig, 0, [part_of(recording, 4000, count)], rules=rules)
+    assert short.on_the_beginning() is None  # it is short
 
 
 @pytest.mark.parametrize(

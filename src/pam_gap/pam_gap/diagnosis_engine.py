@@ -210,14 +210,14 @@ class JointDiagnosis:
         errors = self.fitter.fit_nominal().simulated
         whole = mean_squares(errors, problem.counted)
         longest, seconds = float(problem.row_time.max()), rules.search_time
-        while seconds < 0.7 * longest:
+        while seconds < rules.search_most * longest:
             small = problem.beginning(seconds)
             shown = mean_squares(errors, problem.counted & (problem.row_time < seconds))
             motion = squared_motion(small)
             is_shown = (shown >= rules.search_shows * whole) & (
                 motion >= rules.search_shows**2 * self.motion
             )
-            if is_shown[self.present].all():
+            if is_shown[self.present].all() and small.n_rows >= rules.search_rows:
                 other = copy(self)
                 other.problem, other.motion = small, motion
                 other.fitter = HypothesisFitter(small, self.floor)
