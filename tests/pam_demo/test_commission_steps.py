@@ -301,6 +301,40 @@ def test_a_robot_whose_driver_has_vented_is_no_still_robot(
     assert len(port.truth) * PERIOD < 8.0
 
 
+# --- delays of a port -----------------------------------------------------------------------------
+
+
+class LatePort(WiredPort):
+    """A robot at the end of a bus: commands and readings take some periods."""
+
+    def __init__(self, rig: Rig, commands: int, readings: int) -> None:
+        super().__init__(rig)
+        self.measurement_delay = readings * PERIOD
+        self.command_delay += commands * PERIOD
+        self._under_way: list[Sequence[float]] = [(-1.0, -1.0)] * commands
+        self._readings = readings
+
+    def advance(self, commands: Sequence[float]) -> JointReading:
+        self._under_way.append(commands)
+        now = super().advance(self._under_way.pop(0)).time
+        return self.truth[max(len(self.truth) - 1 - self._readings, 0)]._replace(time=now)
+
+
+@pytest.mark.parametrize(("commands", "readings"), [(0, 0), (2, 0), (0, 1), (2, 1)])
+def test_a_recording_is_free_of_the_delays_of_its_port(
+    elbow: Rig, commands: int, readings: int
+) -> None:
+    """Over ROS, 4 ms of delay would be identified as slow valves, and compensated twice."""
+    scale, port = scale_of(elbow, PERIOD), LatePort(elbow, commands, readings)
+    played = play(port, elbow, filling(scale), scale, Limits.of(elbow))
+    assert not played.stopped
+    again = WiredPort(elbow)
+    sent = played.table[["valve_commands.elbow_flexor", "valve_commands.elbow_extensor"]]
+    simulated = [again.advance(row).pressures for row in sent.to_numpy().tolist()]
+    recorded = played.table[["pressure_states.elbow_flexor", "pressure_states.elbow_extensor"]]
+    assert np.abs(np.array(simulated) - recorded.to_numpy()).max() < 1.0  # Pa
+
+
 # --- a busy computer ------------------------------------------------------------------------------
 
 

@@ -28,7 +28,6 @@ from pam_check.fuzz.damaged_files import DamagedFiles, log_of
 from pam_check.fuzz.sample_logs import ENDINGS, sample
 from pam_gap.import_log.import_log import columns_of
 from pam_gap.recordings import packed_chunks, size_limits, unpacked
-from pam_gap.recordings.array_files import read_arrays
 from pam_gap.recordings.column_map import load_column_map
 from pam_gap.recordings.import_recording import import_recording
 from pam_gap.recordings.recording import RecordingError
@@ -243,6 +242,7 @@ PARSERS = {
 MODULES = {"json", "yaml", "np", "pd", "pq", "h5py", ""}
 BEHIND = {  # readers that are only called within a boundary, and by whom
     "pam_gap/recordings/array_files.py": "pam_gap/recordings/import_csv.py",
+    "pam_gap/recordings/array_process.py": "pam_gap/recordings/import_csv.py",
     "pam_gap/recordings/text_table.py": "pam_gap/recordings/import_csv.py",
     "pam_gap/recordings/bag_columns.py": "pam_gap/recordings/broken_bag.py",
     "pam_gap/recordings/import_rosbag.py": "pam_gap/recordings/broken_bag.py",
@@ -305,14 +305,42 @@ def test_limits_leave_room_for_a_long_recording() -> None:
     assert size_limits.MOST_CELLS > 5 * 3600 * 500 * 29
 
 
-def test_a_damaged_text_in_an_hdf5_file_holds_no_reader(tmp_path: Path) -> None:
+def _long_text(file: h5py.File) -> None:
+    file["remark"] = "as built"
+
+
+def _long_attribute(file: h5py.File) -> None:
+    file["time"].attrs["MATLAB_class"] = "double"
+
+
+@pytest.mark.parametrize(
+    ("add", "answer"),
+    [(_long_text, "no channel"), (_long_attribute, "did not come to an end")],
+)
+def test_a_damaged_text_in_an_hdf5_file_holds_no_reader(
+    add: Callable[[h5py.File], None], answer: str, tmp_path: Path
+) -> None:
     """HDF5 looks for a text of variable length in its heap without an end if a size is wrong."""
     path = tmp_path / "log.h5"
     with h5py.File(path, "w") as file:
         file["time"] = np.arange(3.0)
-        file["remark"] = "as built"
+        add(file)
     content = bytearray(path.read_bytes())
     size = content.index(b"GCOL") + 24
     content[size : size + 8] = (2**64 - 16).to_bytes(8, "little")
     path.write_bytes(content)
-    assert list(read_arrays(path)) == ["time"]
+    with pytest.raises(RecordingError, match=answer):
+        import_recording(path)
+
+
+def test_a_file_that_ends_its_library_ends_no_diagnosis(tmp_path: Path) -> None:
+    """There is no kind of numbers 10, which scipy does not ask before it looks it up."""
+    out = io.BytesIO()
+    savemat(out, {"time": np.arange(3.0)})
+    content = bytearray(out.getvalue())
+    numbers = content.index(struct.pack("<II", 9, 24))
+    content[numbers : numbers + 4] = struct.pack("<I", 10)
+    path = tmp_path / "log.mat"
+    path.write_bytes(content)
+    with pytest.raises(RecordingError, match="SIGSEGV"):
+        import_recording(path)

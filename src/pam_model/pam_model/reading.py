@@ -42,11 +42,11 @@ def reading(path: Path | str, expected: str, raised: type[PamError] = PamError) 
     except (PamError, ModuleNotFoundError):  # a missing package is not the file's fault
         raise
     except Exception as error:
-        raise raised(f"{path}: not {expected} ({_reason(error)})") from error
+        raise raised(f"{path}: not {expected} ({reason(error)})") from error
 
 
-def _reason(error: Exception) -> str:
-    """What an exception says, in one line."""
+def reason(error: Exception) -> str:
+    """What an exception of a reader says, in one line."""
     if isinstance(error, RecursionError):
         return "nested too deeply"
     if isinstance(error, MemoryError):

@@ -34,18 +34,35 @@ FOLLOWS_WITHIN: Final = 1.0  # s
 RISEN: Final = 3e3  # Pa, that a muscle must not rise while all vent
 RISEN_FOR: Final = 0.012  # s, so that a single reading accuses no valve
 SHUT: Final = (0.0, 0.0)
+CLOSE: Final = 1e-6  # s, between moments that are the same
 LONGEST_CHECK: Final = 120.0  # s
 
 
 @dataclass(slots=True)
 class Log:
-    """Rows of a recording."""
+    """Rows of a recording.
+
+    Attributes
+    ----------
+    rig : Rig
+        With the names of the joint and its muscles.
+    late : float
+        From the sample of a reading to the moment at which commands that are sent together with it
+        reach the valves [s]; of `of_port`.
+    """
 
     rig: Rig
+    late: float
     rows: list[tuple[float, ...]] = field(default_factory=list)
 
+    @classmethod
+    def of_port(cls, rig: Rig, port: RobotPort) -> Log:
+        """A log that puts the delays of a port right, which are no properties of the robot."""
+        # an answer is one period late even without a delay: it is sent with the next reading
+        return cls(rig, port.measurement_delay + port.command_delay - port.period)
+
     def add(self, reading: JointReading, commands: Sequence[float]) -> None:
-        """Add a reading, and the commands that hold from then on."""
+        """Add a reading, and the commands that are sent from then on."""
         self.rows.append((reading.time, reading.position, *reading.pressures, *commands))
 
     def table(self) -> pd.DataFrame:
@@ -57,7 +74,10 @@ class Log:
             *(f"{PRESSURES}{muscle}" for muscle in joint.muscles),
             *(f"{COMMANDS}{muscle}" for muscle in joint.muscles),
         ]
-        table = pd.DataFrame(np.array(self.rows).reshape(-1, len(names)), columns=names)
+        rows = np.array(self.rows).reshape(-1, len(names))
+        sent = np.searchsorted(rows[:, 0], rows[:, 0] - self.late + CLOSE, side="right") - 1
+        rows[:, -2:] = rows[np.maximum(sent, 0), -2:]
+        table = pd.DataFrame(rows, columns=names)
         table["time"] -= table["time"].iloc[0] if len(table) else 0.0
         return table
 
@@ -236,7 +256,7 @@ def play(port: RobotPort, rig: Rig, motion: SampledMotion, scale: Scale, limits:
     motion, scale, limits : SampledMotion, Scale, Limits
         What is played. Whatever ends it, the air is let out slowly.
     """
-    loop, log = MotionLoop(rig, motion, scale), Log(rig)
+    loop, log = MotionLoop(rig, motion, scale), Log.of_port(rig, port)
     commands = vented(rig)
     reading = first_reading(port, commands)
     log.add(reading, commands)

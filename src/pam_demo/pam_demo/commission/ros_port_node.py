@@ -41,6 +41,7 @@ from pam_ros.unforeseen import hand_over, raise_handed_over
 from pam_ros.valve_command import ValveCommandFormat
 
 MEASUREMENT_DELAY, COMMAND_DELAY = 0.001, 0.003  # s, the defaults of the controller's node
+WAITING: Final = 0.001  # s, the mean age of the latest message of a driver with 500 Hz
 MAX_AGE: Final = 0.1  # s, of a measurement
 PRIORITY: Final = 20  # real-time, where the system permits it; as of the driver's loop
 PLAYING: Final = 10  # of the thread that computes the next commands, below that of the driver
@@ -72,7 +73,8 @@ class RosPortNode(Node):  # type: ignore[misc]
     def __init__(self, rig: Rig, joint: str, period: float, namespace: str = "") -> None:
         super().__init__("pam_commission", namespace=namespace)
         self.period = period
-        self.measurement_delay, self.command_delay = MEASUREMENT_DELAY, COMMAND_DELAY + period
+        self.measurement_delay = MEASUREMENT_DELAY + WAITING
+        self.command_delay = COMMAND_DELAY + period
         self._joint, self._muscles = joint, rig.joint(joint).muscles
         self._names = list(rig.muscle_names)
         self._format = ValveCommandFormat(rig.valve_kinds)

@@ -142,7 +142,7 @@ def track(
     name = rig.joints[0].name
     controller.drop_commands()
     controller.forget_adaptation()
-    log = Log(rig)
+    log = Log.of_port(rig, port)
     rows: list[tuple[float, float, float]] = []
     seen, stopped, most = Seen(), "", np.zeros(3)
     reading = first_reading(port, vented(rig))

@@ -16,11 +16,12 @@ from typing import Any, Final
 import h5py
 import numpy as np
 
-from pam_gap.recordings.mat_sizes import refuse_impossible_sizes
 from pam_gap.recordings.size_limits import Allowance
 from pam_model.reading import read_text
 from pam_ros.foreign_text import shown
 
+MAT: Final = (".mat",)
+HDF5: Final = (".h5", ".hdf5", ".he5")
 HDF5_SIGNATURE: Final = b"\x89HDF\r\n\x1a\n"
 _OF_MATLAB: Final = "#refs#"
 """Group in which MATLAB keeps cells and objects of a file of version 7.3."""
@@ -130,7 +131,6 @@ def _mat(path: Path) -> Named:
             return
     from scipy.io import loadmat  # noqa: PLC0415  (slow to import, for these files alone)
 
-    refuse_impossible_sizes(path)
     for name, value in loadmat(path, squeeze_me=True, struct_as_record=False).items():
         if not name.startswith("__"):
             yield from _nested(name, value)
@@ -146,8 +146,7 @@ def _hdf5(path: Path) -> Named:
         # Numbers that lie in other files are none of this log.
         if item.shape is None or item.external or item.is_virtual:
             return
-        # Texts of variable length lie in a heap; a damaged one holds HDF5 in a loop without an end.
-        if item.dtype.hasobject:
+        if item.dtype.hasobject:  # texts, which are left out in any case
             return
         if item.attrs.get("MATLAB_class") not in (b"char", b"cell"):
             left.take(item.shape, item.dtype.itemsize, f"array {shown(name)}")
@@ -169,8 +168,8 @@ def _json(path: Path) -> Named:
 
 _READERS: Final[Mapping[str, Callable[[Path], Named]]] = {
     ".npz": _npz,
-    ".mat": _mat,
-    **dict.fromkeys((".h5", ".hdf5", ".he5"), _hdf5),
+    **dict.fromkeys(MAT, _mat),
+    **dict.fromkeys(HDF5, _hdf5),
     **dict.fromkeys((".json", ".jsonl", ".ndjson"), _json),
 }
 ARRAYS: Final = tuple(_READERS)

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from pam_gap.recordings.array_files import ARRAYS, read_arrays
+from pam_gap.recordings.array_process import APART, read_arrays_apart
 from pam_gap.recordings.column_map import ColumnMap
 from pam_gap.recordings.recording import (
     COMMANDS,
@@ -69,7 +70,8 @@ def read_columns(path: Path, rows: int | None = None) -> Table:
     """
     with reading(path, "a readable table", RecordingError):
         if path.suffix.lower() in ARRAYS:
-            return Table({name.strip(): _real(a) for name, a in read_arrays(path).items()})
+            read = read_arrays_apart if path.suffix.lower() in APART else read_arrays
+            return Table({name.strip(): _real(array) for name, array in read(path).items()})
         if path.suffix.lower() in PARQUET:
             return Table.of_frame(_parquet(path))
         return read_text_table(path, rows)
