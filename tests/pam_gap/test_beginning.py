@@ -59,7 +59,7 @@ def test_most_of_a_long_recording_is_not_simulated_for_candidates(
     small = engine.on_the_beginning()
     assert small is not None
     asked.clear()
-    found = engine.search_in_parts()
+    found = engine.search()
     assert found.by_size[0][0].effects == ("dead_volume",)
     assert {h.result.errors.shape[0] for h in found.by_size[0]} == {engine.problem.n_rows}
     assert set(found.singles) == {c.effect for c in few}

@@ -183,8 +183,8 @@ class JointDiagnosis:
             for effect in one.ordinary
         )
 
-    def search(self) -> SearchResult:
-        """Search single effects, then further effects while they improve the fit enough."""
+    def begun_search(self) -> tuple[CandidateSearch, SearchResult]:
+        """Search single effects, and decide whether the recordings show a background."""
         self.causes = self.far_beyond()
         if self.causes:
             self.fitter.without_background()
@@ -195,11 +195,33 @@ class JointDiagnosis:
             result = search.again(result)
         else:
             self.judge.background = self.fitter.discrepancy
-        low, high = 0.4, 0.75
-        while self._goes_on(search, result):
-            search.grow(result, (low, high))
-            low, high = high, 0.85
         result.singles = tuple(h.effects[0] for h in result.by_size[0])
+        return search, result
+
+    def search(self) -> SearchResult:
+        """Search single effects, then further effects while they improve the fit enough.
+
+        In a long recording they are sought in its beginning. What leads there is fitted to all
+        data, which decide whether one more effect is sought.
+        """
+        self.progress("re-tuning nominal parameters", 0.0)
+        small = self.on_the_beginning()
+        search, found = (small or self).begun_search()
+        result = self._begun_like(small, found) if small else found
+        low, high = 0.4, 0.75
+        while self._goes_on(result):
+            if small:
+                # A longer fit of the base to all data must not be credited to the added effect.
+                whole = CandidateSearch(self.fitter, (), self.progress)
+                steps = self.rules.search.settled_steps
+                result.by_size[-1][:1] = whole.refine(result.by_size[-1][:1], steps)
+            search.grow(found, (low, high))
+            if small:
+                self._follow(found, result)
+            low, high = high, 0.85
+        if small:  # what a simulation of the beginning takes of a whole one
+            share = small.problem.n_rows / self.problem.n_rows
+            self.problem.simulations += share * small.problem.simulations
         return result
 
     def on_the_beginning(self) -> JointDiagnosis | None:
@@ -227,36 +249,30 @@ class JointDiagnosis:
             seconds *= 2.0
         return None
 
-    def search_in_parts(self) -> SearchResult:
-        """Search the beginning of the recordings, and fit what leads there to all of them."""
-        self.progress("re-tuning nominal parameters", 0.0)
-        small = self.on_the_beginning()
-        if small is None:
-            return self.search()
-        found = small.search()
-        self.progress("leading hypotheses on all data", 0.84)
-        share = small.problem.n_rows / self.problem.n_rows  # what a simulation takes of a whole one
-        self.problem.simulations += share * small.problem.simulations
+    def _begun_like(self, small: JointDiagnosis, found: SearchResult) -> SearchResult:
+        """The leading single effects of a search in the beginning, fitted to all data."""
         self.causes = small.causes
         if small.fitter.background is None:
             self.fitter.without_background()
         if small.judge.background.any():
             self.judge.background = self.fitter.discrepancy
-        nominal = self.fitter.fit_nominal()
-        slopes, steps = nominal.result.jacobian, self.rules.search.screening_steps
-        leading = self.leading(found)
-        fits = iter(
-            self.fitter.fit_all(
-                [
-                    FitTask(h.members, h.result.values, steps, guess=slopes)
-                    for some in leading
-                    for h in some
-                ]
-            )
+        result = SearchResult(self.fitter.fit_nominal())
+        self._follow(found, result)
+        first = (h.effects[0] for h in result.by_size[0])
+        result.singles = tuple(dict.fromkeys((*first, *found.singles)))
+        return result
+
+    def _follow(self, found: SearchResult, result: SearchResult) -> None:
+        """Fit the leading hypotheses of the last size to all data, and order both by these fits."""
+        self.progress("leading hypotheses on all data", 0.84)
+        leading = self.leading(found)[-1]
+        slopes, steps = result.nominal.result.jacobian, self.rules.search.screening_steps
+        fits = self.fitter.fit_all(
+            [FitTask(h.members, h.result.values, steps, guess=slopes) for h in leading]
         )
-        by_size = [sorted((next(fits) for _ in some), key=self._left) for some in leading]
-        first = tuple(h.effects[0] for h in by_size[0])
-        return SearchResult(nominal, by_size, tuple(dict.fromkeys((*first, *found.singles))))
+        order = sorted(range(len(fits)), key=lambda k: self._left(fits[k]))
+        result.by_size.append([fits[k] for k in order])
+        found.by_size[-1][: len(order)] = [leading[k] for k in order]
 
     def has_no_background(self, result: SearchResult) -> bool:
         """Whether one or two causes explain the recordings without any background."""
@@ -271,7 +287,7 @@ class JointDiagnosis:
         """Level of a hypothesis over noise and background."""
         return level(h.mean_square, self.floor + self.judge.background, self.present)
 
-    def _goes_on(self, search: CandidateSearch, result: SearchResult) -> bool:
+    def _goes_on(self, result: SearchResult) -> bool:
         """Whether one more effect is sought; the decision is kept as evidence."""
         best = result.by_size[-1][0]
         size = len(result.by_size)
@@ -402,7 +418,7 @@ class JointDiagnosis:
         missing = what_is_missing(self.problem)
         if missing:
             return self.not_identifiable(missing)
-        evidence, location = self.evidence_of(self.search_in_parts())
+        evidence, location = self.evidence_of(self.search())
         verdict = decide(evidence, self.rules)
         self.judge = verdict.judge
         self.progress("gap figures", 0.96)
