@@ -89,6 +89,20 @@ def test_a_beginning_without_the_motion_of_the_rest_is_not_enough(rig: Rig, reco
     assert short.on_the_beginning() is None  # it is short
 
 
+@needs_numba
+@pytest.mark.parametrize("everywhere", [True, False])
+def test_a_beginning_without_a_background_must_be_confirmed_by_all_data(
+    rig: Rig, record: Maker, *, everywhere: bool
+) -> None:
+    engine = JointDiagnosis(rig, 0, [record(VOLUMES, duration=7.0)])
+    few = [c for c in engine.candidates() if c.effect == "dead_volume"]
+    engine.candidates = lambda: few  # type: ignore[method-assign]
+    engine.has_no_background = lambda _: True  # type: ignore[method-assign]
+    engine.whole = cast(JointDiagnosis, SimpleNamespace(has_none_either=lambda _: everywhere))
+    engine.begun_search()
+    assert (engine.fitter.background is None) is everywhere
+
+
 @pytest.mark.parametrize(
     ("left", "fits", "answer"),
     [

@@ -113,6 +113,8 @@ class JointDiagnosis:
         self.judge = Judge(self.floor, self.present, rules.decision, self.motion)
         self.causes: frozenset[str] = frozenset()
         self.growth: list[tuple[GrowthStep, bool]] = []
+        self.whole: JointDiagnosis | None = None
+        """The diagnosis of all data, if this is that of their beginning."""
         self.evidence: Evidence[HeldOut] | None = None
         self.answer: HeldOut | None = None
         self.lengths: LooseLengths | None = None
@@ -190,7 +192,9 @@ class JointDiagnosis:
             self.fitter.without_background()
         search = CandidateSearch(self.fitter, self.candidates(), self.progress)
         result = search.singles()
-        if self.has_no_background(result):
+        if self.has_no_background(result) and (
+            self.whole is None or self.whole.has_none_either(result)
+        ):
             self.fitter.without_background()
             result = search.again(result)
         else:
@@ -241,6 +245,7 @@ class JointDiagnosis:
             )
             if is_shown[self.present].all() and small.n_rows >= rules.search_rows:
                 other = copy(self)
+                other.whole = self
                 other.problem, other.motion = small, motion
                 other.fitter = HypothesisFitter(small, self.floor)
                 other.folds = make_folds(small)
@@ -248,6 +253,12 @@ class JointDiagnosis:
                 return other
             seconds *= 2.0
         return None
+
+    def has_none_either(self, found: SearchResult) -> bool:
+        """Whether what explains the beginning without a background explains all data as well."""
+        result = SearchResult(self.fitter.fit_nominal())
+        self._follow(found, result)
+        return self.has_no_background(result)
 
     def _begun_like(self, small: JointDiagnosis, found: SearchResult) -> SearchResult:
         """The leading single effects of a search in the beginning, fitted to all data."""
