@@ -100,15 +100,6 @@ def simulation() -> Iterator[Row]:
         yield Row(f"{work}, {threads}", unit, both, "one thread", lanes, 1.8, True, True)
 
 
-def force() -> Iterator[Row]:
-    """Forces of 16 muscles."""
-    times = result_of("force_bench.py")["least_microseconds"]
-    bare = "bare arithmetic, plain Python"
-    for name, goal in (("bank, plain Python", 3.0), ("bank, compiled", 0.5)):
-        if name in times:
-            yield Row(f"force of 16 muscles, {name}", "us", times[name], bare, times[bare], goal)
-
-
 def control() -> Iterator[Row]:
     """One step of the controller."""
     for row in result_of("control_bench.py"):
@@ -201,7 +192,6 @@ def diagnosis() -> Iterator[Row]:
 
 PARTS: Mapping[str, Callable[[], Iterator[Row]]] = {
     "simulation": simulation,
-    "force": force,
     "control": control,
     "chain": chain,
     "latency": latency,

@@ -121,7 +121,7 @@ def test_a_row_is_all_that_the_checks_need(tmp_path: Path, monkeypatch: pytest.M
     with pytest.raises(PamError, match="worn_valve: unknown"):
         chosen_effects(["worn_valve"])
     monkeypatch.setitem(KNOWN, "worn_valve", WORN_VALVE)
-    monkeypatch.setattr("pam_check.blind.cases._choose", lambda *_: ["worn_valve"])
+    monkeypatch.setattr("pam_check.blind.cases.drawn_effects", lambda *_: ["worn_valve"])
     short = partial(draw_excitation, duration=10.0)
     monkeypatch.setattr("pam_check.blind.cases.draw_excitation", short)
     for plant in PLANTS:

@@ -24,7 +24,7 @@ SECOND = "second"
 
 def drawn(folder: Path, monkeypatch: pytest.MonkeyPatch, *effects: str) -> Label:
     """A case with these hidden effects, without its recordings."""
-    monkeypatch.setattr("pam_check.blind.cases._choose", lambda *_: list(effects))
+    monkeypatch.setattr("pam_check.blind.cases.drawn_effects", lambda *_: list(effects))
     random = np.random.default_rng(3)
     return make_case("000", "two", folder, folder, random, write=lambda *_: None)
 

@@ -98,6 +98,21 @@ def test_every_effect_of_the_table_is_hidden_and_changes_the_rig(rough):
     assert all(size.applied(*rig) != rig for size in map(size_of, KNOWN))
 
 
+@pytest.mark.parametrize(
+    "effect",
+    [
+        "position_offset",
+        pytest.param(
+            "pressure_gain",
+            marks=pytest.mark.xfail(strict=True, reason="0.55 mrad, 0.38 without adaptation"),
+        ),
+    ],
+)
+def test_a_false_zero_or_gain_of_a_sensor_is_not_learnt_as_another_torque(effect):
+    compared = RoughControl(load_rig(ELBOW), TOLD, 5, plays=1, compares=True)
+    assert [result.harm() for result in compared.run(effect, None, 0)] == [[], []]
+
+
 def test_the_controller_tracks_the_independent_plant_that_is_its_rig_file(rough):
     results = rough.run("nothing", None, 0)
     assert [result.motion for result in results] == ["arm", "chirp"]
@@ -149,7 +164,7 @@ def test_gains_that_were_tuned_with_other_code_are_searched_again(rough, monkeyp
     joint, muscles = rough.hidden("payload")
     before = rough._key(joint, muscles, 30)
     assert rough._key(joint, muscles, 30) == before
-    monkeypatch.setattr("pam_check.control.rough_control._code_version", lambda: "another")
+    monkeypatch.setattr("pam_check.control.rough_control.code_version", lambda: "another")
     assert rough._key(joint, muscles, 30) != before
 
 

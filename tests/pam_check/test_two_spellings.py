@@ -34,7 +34,7 @@ from pam_driver.driver_settings import DriverSettings
 from pam_driver.tools.check_rig import check_rig
 from pam_model.effects import EFFECTS, Effect, adjusted
 from pam_model.effects.slots import TARGETS, Adjusts
-from pam_model.joints.antagonistic_joint import AntagonisticJoint
+from pam_model.joints.joint_statics import JointStatics
 from pam_model.plant.compiled import for_kernel
 from pam_model.plant.constants import derive_constants
 from pam_model.plant.parameters import PlantParameters
@@ -196,8 +196,8 @@ CONSUMERS = list(consumers())
 TIME = 0.3  # s
 
 
-def statics_of(robot: Robot) -> AntagonisticJoint:
-    return AntagonisticJoint.from_robot(robot, robot.joints[0])
+def statics_of(robot: Robot) -> JointStatics:
+    return JointStatics.from_robot(robot, robot.joints[0])
 
 
 ARGUMENTS: dict[str, Callable[[Robot], Any]] = {
@@ -243,7 +243,7 @@ ARGUMENTS: dict[str, Callable[[Robot], Any]] = {
     "pulley_radius": lambda robot: robot.joints[0].arms[0].length,
     "friction": lambda robot: JointFriction.from_joint(robot.joints[0]),
     "model": statics_of,
-    "gas_space": lambda robot: statics_of(robot).agonist,
+    "gas_space": lambda robot: statics_of(robot).muscles[0],
     "reservoir": SupplyReservoir,
     "models": lambda robot: JointModels.of(robot, robot.joints[0], 5e3),
     "dynamics": lambda robot: InverseDynamics.from_joint(robot.joints[0]),

@@ -139,7 +139,7 @@ class ClosedLoop:
                 positions[0],
                 *pressures[:2],
                 *output.commands[:2],
-                self.controller.channels[0].models.model.stiffness(*pressures[:2], positions[0]),
+                self.controller.channels[0].models.model.stiffness(pressures[:2], positions[0]),
             )
         )
 

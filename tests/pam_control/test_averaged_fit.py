@@ -13,7 +13,13 @@ from pam_control.adaptation.motion_functions import (
     move_memory,
 )
 from pam_control.adaptation.normal_equations import CORRELATED
-from pam_control.adaptation.torque_adaptation import DELAY, RIVALS, SLIPS, TorqueAdaptation
+from pam_control.adaptation.torque_adaptation import (
+    DELAY,
+    RIVALS,
+    SLIPS,
+    STIFFNESS,
+    TorqueAdaptation,
+)
 from pam_control.rows.plan_rows import N_LEARNING, N_MEMORY, N_PLAN
 
 NOISE = 0.05
@@ -80,6 +86,7 @@ def test_what_was_learnt_follows_a_change():
 
 
 LARGEST = 30.0  # N m
+STIFF = 14.0  # N m/rad
 STROKE = 0.05 * LARGEST  # N m of friction
 
 
@@ -95,7 +102,7 @@ def after_one_stroke(torque):
         move_memory(memory, 0, q, step)
         elements = [element(memory, 0, number) for number in range(N_ELEMENTS)]
         rate = 12.0 * speed
-        functions = np.array([1.0, q, q**3, speed, acceleration, *elements, rate])
+        functions = np.array([1.0, q, q**3, speed, acceleration, *elements, rate, STIFF])
         value = torque(speed, elements, rate)
         learnt.update(functions, value, step * min(abs(speed) / 0.1, 1.0))
     return learnt
@@ -115,8 +122,30 @@ def test_viscosity_is_no_dry_friction_after_the_first_stroke():
     assert sum(learnt.weights[place] for place in SLIPS) < 0.05
 
 
+def test_a_false_zero_is_no_viscosity_when_a_joint_is_taken_over():
+    """The muscles are stiffened while the joint hardly moves; the error grows with their force."""
+    learnt = TorqueAdaptation([0.0] * N_PLAN, [0.0] * N_LEARNING, 0.05, 0.25, LARGEST)._fit
+    memory, step = [0.0] * N_MEMORY, 0.01
+    begin_memory(memory, 0)
+    for k in range(100):
+        time = k * step
+        q, speed = 0.05 * np.cos(np.pi * time), -0.05 * np.pi * np.sin(np.pi * time)
+        stiffness = STIFF * (1.0 - 0.2 * np.exp(-time / 0.2))
+        move_memory(memory, 0, q, step)
+        elements = [element(memory, 0, number) for number in range(N_ELEMENTS)]
+        acceleration = -(np.pi**2) * q
+        functions = [1.0, q, q**3, speed, acceleration, *elements, 12.0 * speed, stiffness]
+        learnt.update(np.array(functions), 0.045 * stiffness, step)
+    assert learnt.certainty(STIFFNESS) > 0.9
+    fast = [0.0, 0.0, 0.0, 1.0, 0.0, *[0.0] * N_ELEMENTS, 12.0, 0.0]
+    assert abs(np.dot(learnt.fitted, fast)) < 0.02, "N m at 1 rad/s"
+
+
 def test_the_functions_of_the_rivals_are_those_of_the_motion():
-    assert {place for rival in RIVALS for place in rival.functions} == set(range(DELAY + 1))
+    assert {place for rival in RIVALS for place in rival.functions} == {
+        *range(DELAY + 1),
+        STIFFNESS,
+    }
     assert len(DEVIATIONS) == DELAY
 
 

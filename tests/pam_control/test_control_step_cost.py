@@ -10,7 +10,7 @@ from pam_control.adaptation.recursive_fit import RecursiveFit
 from pam_control.control_step import Measurement
 from pam_control.controller import Controller
 from pam_control.settings import ControlSettings
-from pam_model.joints.antagonistic_joint import AntagonisticJoint
+from pam_model.joints.joint_statics import JointStatics
 
 PERIOD = 0.002
 CYCLES = 250
@@ -49,11 +49,11 @@ def test_a_cycle_of_one_joint_makes_few_calls(rig):
 
 def test_no_cycle_builds_more_than_one_model(rig, monkeypatch):
     """The derivatives of the stiffness need eight models: 1.5 ms of a cycle of 2 ms, in one go."""
-    built, from_rig = [], AntagonisticJoint.from_rig
+    built, from_rig = [], JointStatics.from_rig
     steps = steps_of_a_stream(rig, 1000)
     next(steps)()  # makes the controller and its models
     monkeypatch.setattr(
-        AntagonisticJoint, "from_rig", lambda *given, **named: built.append(1) or from_rig(*given)
+        JointStatics, "from_rig", lambda *given, **named: built.append(1) or from_rig(*given)
     )
     counts = []
     for step in steps:

@@ -17,7 +17,7 @@ from pam_control.laws.pressure_ratio_pid import PressureRatioPid
 from pam_control.laws.registry import laws
 from pam_control.settings import ControlSettings
 from pam_model.errors import RigError
-from pam_model.joints.antagonistic_joint import AntagonisticJoint
+from pam_model.joints.joint_statics import JointStatics
 from pam_model.plant.parameters import PlantParameters
 from pam_model.plant.simulate import initial_state, simulate
 from pam_model.rig import load_rig
@@ -109,7 +109,7 @@ def test_more_delay_means_less_margin_for_the_same_gains(rig):
 
 def test_shut_chambers_of_the_linear_joint_swing_as_the_plant_does(rig):
     """Valves shut: the plant's ringing frequency is that of spring and trapped gas."""
-    model = AntagonisticJoint.from_rig(rig, "elbow")
+    model = JointStatics.from_rig(rig, "elbow")
     point = operating_point(compose(rig).joints[0], model, 0.0, (2.5e5, 2.5e5))
     gas = -sum(n * -c for n, c in zip(point.torque_slopes, point.motion_pressure, strict=True))
     expected = math.sqrt((point.spring + gas) / point.inertia) / (2.0 * math.pi)

@@ -218,7 +218,7 @@ def test_the_torque_of_the_muscles_is_what_was_asked_for(make, closed_loop):
     for row in rows.rows:
         if row[0] > begin + 0.5:
             asked.append(weight * math.sin(row[2]) + 0.8 * math.sin(3.0 * row[0]) - 1.0 * row[2])
-            given.append(model.torque(row[3], row[4], row[2]))
+            given.append(model.torque(row[3:5], row[2]))
     error = np.array(given) - np.array(asked)
     assert np.ptp(rows.column(2)) > 0.2  # it moves
     assert np.sqrt(np.mean(error**2)) < 0.15

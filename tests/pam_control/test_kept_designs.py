@@ -178,7 +178,7 @@ def test_a_spoilt_answer_on_stability_is_decided_again(rig, tmp_path, spoilt):
 
 def test_other_code_designs_anew(rig, tmp_path, monkeypatch):
     started(rig, tmp_path)
-    monkeypatch.setattr(kept_designs, "_code_version", lambda: "of another release")
+    monkeypatch.setattr(kept_designs, "code_version", lambda: "of another release")
     _, report = started(rig, tmp_path)
     assert (report.designed, report.read) == (1, 0)
 

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from pam_control.adaptation.stiffness_estimate import StiffnessEstimate
+from pam_control.adaptation.varied_joint import JointOfRig
 from pam_control.controller import Controller
 from pam_control.settings import ControlSettings
-from pam_model.joints.antagonistic_joint import AntagonisticJoint
+from pam_model.joints.joint_muscle import JointMuscle
+from pam_model.joints.joint_statics import JointStatics
 from pam_model.rig import rig_from_parameters
 from pam_model.robot import compose
 from pam_model.views.inverse_dynamics import InverseDynamics
@@ -30,7 +34,7 @@ def played(closed_loop, rig, reaching, factors=None, effects=None):
     return controller, loop
 
 
-def true_joint(rig, factors) -> AntagonisticJoint:
+def true_joint(rig, factors) -> JointStatics:
     """The joint with these dimensions, from its own rig file."""
     tree = rig.to_parameters()
     flexor, extensor = tree["elbow"]["muscles"]
@@ -39,15 +43,15 @@ def true_joint(rig, factors) -> AntagonisticJoint:
         owner, key = name.split(".")
         tree[owners[owner]][key] *= factor
 
-    return AntagonisticJoint.from_rig(rig_from_parameters(tree), "elbow")
+    return JointStatics.from_rig(rig_from_parameters(tree), "elbow")
 
 
 def test_no_measured_position_ends_the_estimate(rig):
     """Models with changed dimensions end at other positions than that of the rig file."""
     joint = rig.joints[0]
-    model = AntagonisticJoint.from_rig(rig, joint.name)
+    model = JointStatics.from_rig(rig, joint.name)
     dynamics = InverseDynamics.from_joint(compose(rig).joints[0])
-    estimate = StiffnessEstimate(rig, joint, model, dynamics, 30.0)
+    estimate = StiffnessEstimate(JointOfRig(rig, joint), model, dynamics, 30.0)
     pressures = (2e5, 1e5)
     for _ in range(30):
         for position in (*model.position_range, 0.1, 0.0):
@@ -62,8 +66,8 @@ def test_the_stiffness_of_a_rig_that_is_two_per_cent_off_is_learnt_in_one_motion
     channel, truth = controller.channels[0], true_joint(rig, OFF)
     output = loop.plants[0].output
     state = (output["agonist.pressure"], output["antagonist.pressure"]), output["position"]
-    true = truth.stiffness(*state[0], state[1])
-    wrong = channel.models.model.stiffness(*state[0], state[1])
+    true = truth.stiffness(state[0], state[1])
+    wrong = channel.models.model.stiffness(state[0], state[1])
     found = channel.law_state.estimates.stiffness.at(*state)
     assert abs(wrong / true - 1.0) > 0.03
     assert found.learnt
@@ -74,7 +78,7 @@ def test_the_stiffness_of_a_rig_that_is_two_per_cent_off_is_learnt_in_one_motion
     loop.run(2.0)
     output = loop.plants[0].output
     has = truth.stiffness(
-        output["agonist.pressure"], output["antagonist.pressure"], output["position"]
+        (output["agonist.pressure"], output["antagonist.pressure"]), output["position"]
     )
     assert has == pytest.approx(controller.stiffness_commands[0], rel=0.05)
 
@@ -88,7 +92,7 @@ def test_what_the_dimensions_do_not_explain_leaves_the_stiffness_of_the_model(
     state = (output["agonist.pressure"], output["antagonist.pressure"]), output["position"]
     found = channel.law_state.estimates.stiffness.at(*state)
     assert not found.learnt
-    assert found.value == pytest.approx(channel.models.model.stiffness(*state[0], state[1]))
+    assert found.value == pytest.approx(channel.models.model.stiffness(state[0], state[1]))
     assert found.high / found.value > 1.03  # the interval of the tolerance
     assert channel.law_state.correction.factor == 1.0
 
@@ -97,3 +101,51 @@ def test_a_rig_that_is_its_rig_file_keeps_its_stiffness(closed_loop, rig, reachi
     controller, loop = played(closed_loop, rig, reaching)
     assert controller.channels[0].law_state.correction.factor == pytest.approx(1.0, abs=5e-3)
     assert np.isfinite(loop.plants[0].output["position"])
+
+
+class Joint:
+    """A joint of any number of muscles: a pulley that all share, and their lengths."""
+
+    tolerance = 0.03
+
+    def __init__(self, rig, shares):
+        muscle = compose(rig).muscles[0]
+        self.one = JointMuscle(muscle.force_model, muscle.neutral_length, 0.0, 6e5)
+        self.shares, self.radius = shares, rig.joints[0].pulley_radius
+        self.numbers = ["radius", *(f"length {k}" for k in range(len(shares)))]
+
+    def changed(self, changes):
+        radius = (1.0 + changes[0]) * self.radius
+        muscles = [
+            replace(self.one, neutral_length=(1.0 + change) * self.one.neutral_length)
+            for change in changes[1:]
+        ]
+        return JointStatics(muscles, [share * radius for share in self.shares])
+
+    def places(self, dynamics):
+        raise NotImplementedError
+
+
+@pytest.mark.parametrize("shares", [(1.0,), (1.0, -1.0), (1.0, 0.8, -0.9), (1.0, 0.8, -0.9, -0.6)])
+def test_a_joint_of_any_number_of_muscles_has_its_stiffness_learnt(rig, shares):
+    """The motion and the pressures are given; what holds the joint to the motion is known."""
+    joint, dynamics = Joint(rig, shares), InverseDynamics.from_joint(compose(rig).joints[0])
+    nothing = [0.0] * len(joint.numbers)
+    model, truth = joint.changed(nothing), joint.changed([0.02, *[-0.005] * len(shares)])
+    estimate = StiffnessEstimate(joint, model, dynamics, 30.0)
+    for cycle in range(600):
+        t = 0.02 * cycle
+        position = 0.3 * np.sin(2.0 * t) + 0.1 * np.sin(3.1 * t)
+        speed = 0.6 * np.cos(2.0 * t) + 0.31 * np.cos(3.1 * t)
+        acceleration = -1.2 * np.sin(2.0 * t) - 0.961 * np.sin(3.1 * t)
+        pressures = [2.5e5 + 1e5 * np.sin((1.0 + 0.3 * k) * t + k) for k in range(len(shares))]
+        needed = dynamics.torque(position, speed, acceleration)
+        estimate.learn(0.02, pressures, position, needed - truth.torque(pressures, position))
+    found, true = estimate.at(pressures, 0.1), truth.stiffness(pressures, 0.1)
+    assert found.learnt
+    assert abs(model.stiffness(pressures, 0.1) / true - 1.0) > 0.02
+    assert found.value == pytest.approx(true, rel=0.01)
+    assert found.low < true < found.high
+    assert estimate.factor(pressures, 0.1, 1.0) == pytest.approx(
+        true / model.stiffness(pressures, 0.1), rel=0.01
+    )

@@ -188,7 +188,7 @@ def test_two_joints_are_controlled_each_on_its_own(closed_loop, two_joint_rig):
     assert elbow["position"] == pytest.approx(0.0, abs=2e-3)
     model = controller.channels[1].models.model
     pressures = elbow["agonist.pressure"], elbow["antagonist.pressure"]
-    assert model.stiffness(*pressures, elbow["position"]) == pytest.approx(18.0, rel=0.02)
+    assert model.stiffness(pressures, elbow["position"]) == pytest.approx(18.0, rel=0.02)
 
 
 def test_refuses_to_act_on_what_is_old_missing_or_not_a_number(rig):

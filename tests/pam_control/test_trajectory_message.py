@@ -1,6 +1,8 @@
 """Serialized trajectories: read as rclpy reads them, refused when too long, outside the lock."""
 
 import threading
+from itertools import repeat
+from types import SimpleNamespace
 
 import pytest
 
@@ -104,9 +106,11 @@ def controller(rig):
 @pytest.fixture
 def intake(controller):
     controller.step(0.0, Measurement([0.0], [1e5, 1e5], 0.0, 0.0))
-    said = []
-    made = CommandIntake(controller, WatchedLock(), lambda: 0.0, lambda: "", said.append)
-    made.said = said
+    said, around = [], SimpleNamespace(now=0.0, reasons=repeat(""))
+    made = CommandIntake(
+        controller, WatchedLock(), lambda: around.now, lambda: next(around.reasons), said.append
+    )
+    made.said, made.around = said, around
     return made
 
 
@@ -147,24 +151,21 @@ def test_a_trajectory_that_is_slowed_down_is_told(intake):
     assert intake.slowed == 1
 
 
-def test_a_vent_while_a_trajectory_is_read_refuses_it(controller, intake, monkeypatch):
-    reasons = iter(["", "the driver is vented"])
-    monkeypatch.setattr(intake, "_reason_against", lambda: next(reasons))
+def test_a_vent_while_a_trajectory_is_read_refuses_it(controller, intake):
+    intake.around.reasons = iter(["", "the driver is vented"])
     controller.references.hold({"elbow": 0.0})
     intake.trajectory(serialize_message(long_trajectory(10)), 100, lambda _: None)
     assert "trajectory rejected: the driver is vented" in intake.said[0]
     assert controller.references.following("elbow") == "hold"
 
 
-def test_a_stream_that_began_before_a_vent_does_not_move_the_joint_afterwards(
-    controller, intake, monkeypatch
-):
+def test_a_stream_that_began_before_a_vent_does_not_move_the_joint_afterwards(controller, intake):
     """It may go on after a pause, or from where the joint is."""
     references = controller.references
     references.hold({"elbow": 0.0})
-    monkeypatch.setattr(intake, "_reason_against", lambda: "the driver is vented")
+    intake.around.reasons = repeat("the driver is vented")
     intake.stream(["elbow"], [0.8], [])
-    monkeypatch.setattr(intake, "_reason_against", lambda: "")
+    intake.around.reasons = repeat("")
     intake.stream(["elbow"], [0.8], [])
     assert "the stream began before elbow stopped" in intake.said[-1]
     assert references.following("elbow") == "hold"
@@ -174,19 +175,19 @@ def test_a_stream_that_began_before_a_vent_does_not_move_the_joint_afterwards(
     references.stop(["elbow"], 0.0)
     intake.stream(["elbow"], [0.8], [])
     assert references.following("elbow") == "hold"
-    monkeypatch.setattr(intake, "_clock", lambda: 1.0)
+    intake.around.now = 1.0
     intake.stream(["elbow"], [0.8], [])
     assert references.following("elbow") == "stream"
 
 
 def test_stiffness_is_refused_while_the_driver_is_vented_and_forgotten_by_a_vent(
-    controller, intake, monkeypatch
+    controller, intake
 ):
     intake.stiffness([19.0])
     assert controller.stiffness_commands == [19.0]
     controller.drop_commands()
     assert controller.stiffness_commands == [pytest.approx(14.0, rel=0.02)]
-    monkeypatch.setattr(intake, "_reason_against", lambda: "the driver is vented")
+    intake.around.reasons = repeat("the driver is vented")
     intake.stiffness([19.0])
     assert "stiffness command rejected: the driver is vented" in intake.said[-1]
     assert controller.stiffness_commands == [pytest.approx(14.0, rel=0.02)]

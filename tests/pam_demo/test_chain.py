@@ -29,8 +29,7 @@ def asked_for_from(domain: int) -> int:
     """The domain that another process gets which would take this one."""
     program = (
         "import itertools; from pam_demo import chain; "
-        f"chain._domains = itertools.count({domain - 1}); "
-        "print(chain.private_domain()['ROS_DOMAIN_ID'])"
+        f"print(chain.private_domain(itertools.count({domain - 1}))['ROS_DOMAIN_ID'])"
     )
     ended = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, check=True
@@ -46,13 +45,11 @@ def test_another_process_gets_another_domain(domain):
     assert asked_for_from(domain) == domain
 
 
-def test_a_domain_in_which_a_node_runs_is_passed_over(domain, monkeypatch):
-    monkeypatch.setattr(chain, "_domains", itertools.count(domain - 1))
+def test_a_domain_in_which_a_node_runs_is_passed_over(domain):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as node:
         node.bind(("", 7400 + 250 * domain + 10))
-        assert int(private_domain()["ROS_DOMAIN_ID"]) != domain
-    monkeypatch.setattr(chain, "_domains", itertools.count(domain - 1))
-    assert int(private_domain()["ROS_DOMAIN_ID"]) == domain
+        assert int(private_domain(itertools.count(domain - 1))["ROS_DOMAIN_ID"]) != domain
+    assert int(private_domain(itertools.count(domain - 1))["ROS_DOMAIN_ID"]) == domain
 
 
 def test_environment_is_as_before_afterwards(monkeypatch):

@@ -309,3 +309,53 @@ def test_a_range_that_ends_at_rest_is_a_caution(manifold: WiredBoard, tmp_path: 
     text = GOOD.replace("(0.0005,0.5) [0.5|16]", "(0.0005,0.5) [1.013|16]", 1)
     (doubt,) = read(manifold, tmp_path / "dev.dbc", text).doubts
     assert "P_Act_A: its range in dev.dbc, line 24 begins at -25 Pa gauge" in doubt
+
+
+ODD: Final = {
+    "range exchanged": ("(0.0005,0.5) [0.5|16]", "(0.0005,0.5) [16|0.5]", "are exchanged"),
+    "label below": ('P_Act_A 65535 "s', 'P_Act_A -1 "s', "at raw -1, which its 16 bits never show"),
+    "label above": ('P_Act_A 65535 "s', 'P_Act_A 65536 "s', "at raw 65536, which its 16 bits"),
+    "counts": ("(0.0005,0.5) [0.5|16]", "(1,0) [0|65535]", "one step of its raw value is 100000"),
+    "no float": (
+        "SIG_VALTYPE_ 2566853136 Shaft_Ang : 1;",
+        "",
+        "one step of its raw value is 0.017",
+    ),
+}
+
+
+@pytest.mark.parametrize("odd", ODD)
+def test_odd_numbers_of_a_measurement_are_a_caution(
+    odd: str, manifold: WiredBoard, tmp_path: Path
+) -> None:
+    written, instead, told = ODD[odd]
+    assert written in GOOD
+    reader = read(manifold, tmp_path / "dev.dbc", GOOD.replace(written, instead, 1))
+    assert not reader.problems
+    assert any(told in doubt for doubt in reader.doubts), reader.doubts
+
+
+def test_an_identifier_of_two_messages_or_without_its_flag_is_told_with_its_line(
+    manifold: WiredBoard, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Lost was the second message, and cantools wrote lines of its own."""
+    twice = GOOD.replace("BO_ 2566853136 PVM_Joint", "BO_ 2566852880 PVM_Joint", 1)
+    problems = read(manifold, tmp_path / "dev.dbc", twice).problems
+    assert any(
+        "identifier 2566852880 is that of message 'PVM_Actual' in line" in p for p in problems
+    )
+    bare = GOOD.replace("2566852624", str(2566852624 - (1 << 31)))
+    problems = read(manifold, tmp_path / "dev.dbc", bare).problems
+    assert any("line 15: identifier 419368976 has more than 11 bits" in p for p in problems)
+    assert any("as 2566852624" in p for p in problems)
+    same = GOOD.replace("PVM_Joint: 5", "PVM_Actual: 5")
+    assert read(manifold, tmp_path / "dev.dbc", same).problems
+    assert not caplog.records
+
+
+def test_a_label_that_is_looked_for_where_there_are_none_is_told_so(
+    manifold: WiredBoard, tmp_path: Path
+) -> None:
+    text = GOOD.replace('VAL_ 2566852624 Op_Mode 0 "off" 1 "run" 2 "reset" ;', "")
+    problems = read(manifold, tmp_path / "dev.dbc", text).problems
+    assert any("Op_Mode has no value called run; it has none" in p for p in problems)

@@ -16,7 +16,7 @@ from matplotlib.text import Text
 import pam_gap
 from pam_gap.answer import report, report_figures
 from pam_gap.answer.page_style import STYLE, VERDICT_COLOURS
-from pam_gap.answer.plots_in_page import NARROW, WIDE
+from pam_gap.answer.plots_in_page import NARROW, WIDE, picture
 from pam_gap.answer.provenance import provenance
 from pam_gap.answer.report import RankedCandidate, ReportData, StageBar, render, write_report
 from pam_gap.answer.report_figures import GUILTY, STAGES
@@ -262,6 +262,23 @@ def test_a_cause_has_one_probability_and_sets_of_causes_are_folded() -> None:
     assert "How probable" not in render(data())
 
 
+def test_a_rival_that_is_nearly_as_probable_stands_in_the_first_lines() -> None:
+    """Of 53 and 45 %, the box said only 53 %, and that no further experiment is needed."""
+
+    def answer(shares: dict[str, float]) -> ReportData:
+        return data(probabilities=shares, effects=["coulomb_friction"], next_experiment="")
+
+    shares = {"coulomb_friction": 0.53, "stribeck_friction": 0.45, "unknown": 0.02}
+    page = without_scripts(render(answer(shares)))
+    box = " ".join(page.partition("<figure")[0].split())
+    assert "Coulomb friction 53 %; not named, but possible: Stribeck friction 45 %" in box
+    assert "needs no further experiment" not in page
+    shares |= {"coulomb_friction": 0.9, "stribeck_friction": 0.08}
+    page = without_scripts(render(answer(shares)))
+    assert "not named, but possible" not in page
+    assert "needs no further experiment" in page
+
+
 def test_why_a_simpler_cause_was_preferred_is_said() -> None:
     """A cause was named with weight 0.0 while a pair had 0.88, and the page did not say why."""
     why = "creep + hysteresis fits this recording better, but hysteresis was preferred because"
@@ -381,3 +398,9 @@ def test_text_has_the_contrast_of_wcag_aa_in_light_and_dark() -> None:
                 assert contrast(scheme[ink], scheme[paper]) >= 4.5, (ink, paper)
     for colour in (*VERDICT_COLOURS.values(), NOMINAL, IMPROVED, CLOSEST, MEASURED):
         assert contrast(colour, "#fff") >= 3.0, colour  # graphics, WCAG 1.4.11
+
+
+def test_a_plot_is_never_wider_than_the_page_that_holds_it() -> None:
+    """On a phone of 390 px, the demo's page was 427 px wide."""
+    (image,) = re.findall(r"<img [^>]*?alt=", picture(lambda width: Figure((width, 1.0)), "", {}))
+    assert "max-width:100%" in image

@@ -253,3 +253,17 @@ def test_effects_by_hand() -> None:
     pulled = effective(cable_compliance={"compliance": 2e-5})
     assert pulled == pytest.approx(nominal.force(pressure, length - 2e-5 * pulled))
     assert pulled < force
+
+
+@pytest.mark.parametrize(
+    ("torque", "stiffness", "position"), [(-10.272, -2.688, 1.1016), (-9.205, 1.253, 0.9474)]
+)
+def test_pressures_that_do_not_converge_still_give_the_torque(
+    torque: float, stiffness: float, position: float
+) -> None:
+    """At the least stiffness of muscles that stretch, the lines jump between two points."""
+    joint = JOINTS["stretching"]
+    found = joint.pressures_for(torque, stiffness, position)
+    assert joint.torque(found.agonist, found.antagonist, position) == pytest.approx(torque)
+    assert not found.torque_limited
+    assert found.stiffness_limited

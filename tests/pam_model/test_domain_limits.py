@@ -16,7 +16,6 @@ from pam_model.muscles.force_model import (
     registered_models,
 )
 from pam_model.muscles.models.variable_thread_angle import LEAST_ANGLE
-from pam_model.muscles.muscle_bank import MuscleBank
 
 CLOSED = [name for name in registered_models() if name not in ("schulte", "martens_boblan")]
 """Models with a closed upper bound; the other models have a wall and no finite force there."""
@@ -48,14 +47,6 @@ def test_the_rest_length_of_a_rounded_path_is_inside_the_model_that_ends_there()
     path = math.nextafter(geometry.rest_length, 1.0)  # the rounding of a sum along the path
     assert path > geometry.rest_length
     assert model.force(2e5, path) == model.force(2e5, geometry.rest_length)
-
-
-def test_bank_bears_rounding_at_the_longest_length() -> None:
-    bank = MuscleBank([create_force_model("gaylord", MuscleGeometry(0.25, 2.0, 0.23))])
-    forces, _ = bank.evaluate([3e5], [math.nextafter(0.25, 1.0)])
-    assert forces[0] == pytest.approx(bank.evaluate([3e5], [0.25])[0][0], rel=1e-12)
-    with pytest.raises(DomainError):
-        bank.evaluate([3e5], [0.25 * (1.0 + 1e-9)])
 
 
 def test_require_bears_rounding_at_closed_ends_only() -> None:

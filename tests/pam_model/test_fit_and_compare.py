@@ -203,6 +203,7 @@ def test_second_staircase_is_the_first_times_a_factor() -> None:
         ("pressure,force,length\n3,10,0.2\n", "largest pressure is 3; expected Pa"),
         ("pressure,force,length\n3e5,10,200\n", "largest length is 200; expected m"),
         ("pressure [inHg],force,length\n3,10,0.2\n", r"unit 'inHg'; expected one of Pa, bar"),
+        ("pressure,force,length\n3e5,-10,0.2\n", "reverse the sign of the load cell"),
         ("WEIGHT,40\n", "no line STEPS"),
         (
             "WEIGHT,4\nSTEPS,1\nmb per step,5\nCYCLES,1\ncycle,dir,step,pressure,d0\n0,2,0,0,0\n",

@@ -18,17 +18,9 @@ from pam_model.identify.design import design, jam_angle
 from pam_model.muscles.braid import NEUTRAL_ANGLE
 from pam_model.muscles.force_model import MuscleGeometry, create_force_model, registered_models
 from pam_model.muscles.models.gaylord import Gaylord
-from pam_model.muscles.muscle_bank import MuscleBank, quadratic_coefficients
 
 ROWS = catalogue()
 MODELS = registered_models()
-BANK = MuscleBank(
-    [
-        create_force_model("gaylord", MuscleGeometry(0.25, 2.0, 0.23)),
-        create_force_model("tondu_lopez", MuscleGeometry(0.25, 2.0, 0.235), {"k": 1.2}),
-        create_force_model("three_element", MuscleGeometry(0.25, 2.0, 0.235)),
-    ]
-)
 
 
 def test_catalogue_is_complete() -> None:
@@ -141,45 +133,6 @@ def test_design_says_what_limits_it(options: dict[str, float], message: str) -> 
 
 def test_many_strands_limit_a_thin_muscle() -> None:
     assert "jam" in design(20.0, 0.04, 4e5, strands=200, strand_width=0.4e-3).limited_by
-
-
-@given(
-    pressures=st.lists(st.floats(0.0, 8e5), min_size=3, max_size=3),
-    lengths=st.lists(st.floats(0.12, 0.25), min_size=3, max_size=3),
-)
-def test_bank_agrees_with_its_models(pressures: list[float], lengths: list[float]) -> None:
-    forces, stiffnesses = BANK.evaluate(pressures, lengths)
-    for i, model in enumerate(BANK.models):
-        size = 1e-9 * (1.0 + pressures[i])
-        assert forces[i] == pytest.approx(model.force(pressures[i], lengths[i]), rel=1e-9, abs=size)
-        expected = model.stiffness(pressures[i], lengths[i])
-        assert stiffnesses[i] == pytest.approx(expected, rel=1e-9, abs=size)
-
-
-def test_bank_refuses() -> None:
-    with pytest.raises(DomainError, match=r"muscle 1: length 0.3 m"):
-        BANK.evaluate([1e5] * 3, [0.2, 0.3, 0.2])
-    with pytest.raises(DomainError, match="muscle 0"):
-        BANK.evaluate([1e5] * 3, [math.nan, 0.2, 0.2])
-    with pytest.raises(DomainError, match="2 lengths given for 3 muscles"):
-        BANK.evaluate([1e5] * 3, [0.2, 0.2])
-    with pytest.raises(DomainError, match="at least one"):
-        MuscleBank([])
-    geometry = MuscleGeometry(0.25, 2.0, 0.235, 1e-3)
-    for name, why in (("wickramatunge", "affine"), ("chou_hannaford", "quadratic")):
-        with pytest.raises(DomainError, match=why):
-            quadratic_coefficients(create_force_model(name, geometry))
-
-
-def test_compiled_bank_agrees() -> None:
-    pytest.importorskip("numba")
-    tick, other = BANK.compile(), BANK.compile()
-    tick.inputs[:] = [[1e5, 2e5, 3e5], [0.2, 0.21, 0.3]]
-    tick.run()
-    expected = BANK.evaluate([1e5, 2e5, 3e5], [0.2, 0.21, 0.22])
-    assert tick.outputs[:, :2] == pytest.approx(np.array(expected)[:, :2], rel=1e-12)
-    assert np.all(np.isnan(tick.outputs[:, 2]))
-    assert np.all(np.isnan(other.outputs))  # nothing is shared, and nothing known before inputs
 
 
 def test_list_tells_names_for_a_rig_file_from_other_rows(

@@ -227,6 +227,49 @@ def test_file_is_refused(tmp_path: Path, content: bytes, expected: str) -> None:
     assert "\n" not in str(caught.value)
 
 
+SLIPS: list[tuple[str, str, str, str]] = [
+    # what is written, what a person writes in its place, the place that is told, and the advice
+    ("      inertia:", "        inertia:", "line 15, column 9", "begin in the same column"),
+    ("      pulley_radius:", "    pulley_radius:", "line 15, column 7", "begin in the same column"),
+    ("inertia: 0.05", "inertia 0.05", "in what begins in line 15", "a colon and a blank"),
+    ("inertia: 0.05", "inertia:0.05", "in what begins in line 15", "a colon and a blank"),
+    ("      inertia:", "\tinertia:", "line 15, column 1", "a tab: use spaces"),
+    ("/**:", "a: 1\n---\n/**:", "column 1", "expected a single document"),
+    ("joints: [elbow]", "joints: elbow", "joints = 'elbow'", "must be a list of names"),
+    ("joints: [elbow]", "joints: [my-elbow]", "joints: 'my-elbow'", "is not a name"),
+    ("[elbow_flexor, ", "[elbow_extensor, ", "elbow.muscles", "elbow_extensor is named twice"),
+    ("[elbow_flexor, ", "[yes, ", "line 13", 'yes is true or false in YAML: write "yes"'),
+    ("701325.0", "701_325", "line 9", "write 701325"),
+    ("conductance: 4.0e-09", "conductance: 0.4", "sonic_conductance", "m^3/(s Pa) expected"),
+]
+
+
+@pytest.mark.parametrize("slip", SLIPS, ids=[slip[1].strip() for slip in SLIPS])
+def test_a_slip_is_told_with_its_place_and_what_it_needs(
+    slip: tuple[str, str, str, str], tmp_path: Path
+) -> None:
+    """Of one slip, no section that it leaves alone is told as well, and no part of a parser."""
+    written, instead, place, advice = slip
+    text = ELBOW.read_text()
+    assert written in text
+    path = tmp_path / "slip.yaml"
+    path.write_text(text.replace(written, instead, 1))
+    with pytest.raises(RigError) as caught:
+        load_rig(path)
+    told = str(caught.value)
+    assert place in told
+    assert advice in told
+    assert "byte string" not in told
+    assert "no joint or muscle has this name" not in told
+
+
+def test_a_misspelt_effect_has_its_right_name_as_a_hint(tmp_path: Path) -> None:
+    path = tmp_path / "slip.yaml"
+    path.write_text(f"{ELBOW.read_text()}    effects: {{coulomb_frictoin: {{torque: 0.6}}}}\n")
+    with pytest.raises(RigError, match=r"did you mean coulomb_friction\?"):
+        load_rig(path)
+
+
 def test_missing_file_and_folder(tmp_path: Path) -> None:
     for path in (tmp_path / "none.yaml", tmp_path):
         with pytest.raises(RigError, match="cannot be read"):

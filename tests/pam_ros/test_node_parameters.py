@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Collection, Mapping
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -14,6 +15,7 @@ from pam_model.errors import PamError, RigError
 from pam_model.rig import described_key, load_rig, rig_of_node
 from pam_model.rig.keys import Key
 from pam_ros.errors import ParameterError
+from pam_ros.parameter_files import remember_arguments
 from pam_ros.parameter_row import Parameter, Value
 from pam_ros.parameters import NodeParameters
 
@@ -180,11 +182,12 @@ def test_a_change_may_be_answered_with_a_remark_and_be_taken_back() -> None:
 
 
 def test_a_section_that_is_not_applied_ends_the_start(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, request: pytest.FixtureRequest
 ) -> None:
     file = tmp_path / "my.yaml"
     file.write_text("tunnel:\n  ros__parameters:\n    rate: 5.0\n")
-    monkeypatch.setattr("pam_ros.parameter_files._given", ["--params-file", str(file)])
+    remember_arguments(["--params-file", str(file)])
+    request.addfinalizer(partial(remember_arguments, ()))
     with pytest.raises(ParameterError, match=r"my\.yaml, line 1.*Write /\*\*/tunnel:"):
         made(FakeNode(overrides()))
 

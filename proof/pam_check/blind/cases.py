@@ -152,7 +152,8 @@ def write_table(table: pd.DataFrame, path: Path) -> None:
     table.to_csv(path, index=False, float_format="%.7g")
 
 
-def _choose(random: np.random.Generator, kind: str) -> list[str]:
+def drawn_effects(random: np.random.Generator, kind: str) -> list[str]:
+    """Names of the effects of a case of a kind, such as "one"."""
     known = list(KNOWN)
     if kind == "none":
         return []
@@ -204,7 +205,7 @@ def make_case(
     RuntimeError
         When MAX_TRIES draws give no rig that can run.
     """
-    effects, run = _choose(random, kind), PLANTS[plant]
+    effects, run = drawn_effects(random, kind), PLANTS[plant]
     for _ in range(MAX_TRIES):
         joint, muscle = believed_rig(random)
         tolerance = float(random.choice([0.0, 0.01, 0.02]))
@@ -266,7 +267,7 @@ def make_rough_case(
     RuntimeError
         When MAX_TRIES draws give no rig that can run.
     """
-    effects = _choose(random, kind)
+    effects = drawn_effects(random, kind)
     for _ in range(MAX_TRIES):
         variety = draw_variety(random, regulators=plant == FIRST) if varied else None
         rig = variety or Variety()

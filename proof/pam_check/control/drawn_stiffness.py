@@ -112,7 +112,7 @@ def run_draw(rough: RoughControl, seed: int, amplitude: float = 0.0) -> DrawnSti
         truth = true_stiffness(joint, muscles, pressures, position)
         found = channel.law_state.estimates.stiffness.at(pressures, position)
         model_error = max(
-            model_error, abs(channel.models.model.stiffness(*pressures, position) / truth - 1.0)
+            model_error, abs(channel.models.model.stiffness(pressures, position) / truth - 1.0)
         )
         error = max(error, abs(found.value / truth - 1.0))
         covered += (found.low <= truth <= found.high) / len(PLACES)

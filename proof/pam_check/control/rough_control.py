@@ -233,12 +233,12 @@ class RoughControl:
 
     def _key(self, joint: TruthJoint, muscles: Muscles, tries: int) -> str:
         parts = [self.rig.to_parameters(), joint, muscles, self.motions, self._seed, tries]
-        parts += [self._pressure_loops, _code_version()]
+        parts += [self._pressure_loops, code_version()]
         return hashlib.sha256(repr(parts).encode()).hexdigest()[:24]
 
 
 @functools.cache
-def _code_version() -> str:
+def code_version() -> str:
     """Digest of all code that the tuning of a PID runs."""
     here = Path(__file__)
     blind = (

@@ -225,7 +225,7 @@ def _draw(path: Path, found: dict[str, list[Tried]]) -> None:
         bars.invert_yaxis()
         bars.set_xlabel("RMS error [mrad]; points: single trainings")
         bars.margins(x=0.15)
-        figure.savefig(path, dpi=150)
+        figure.savefig(path, dpi=150, bbox_inches="tight")
 
 
 def run(given: Arguments) -> Outcome:

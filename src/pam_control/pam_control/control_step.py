@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import NamedTuple
 
 from pam_control.feedback.pid import PidGains
-from pam_control.joint_models import JointModels, Pair
+from pam_control.joint_models import JointModels, PerMuscle
 from pam_control.learning.motion_learner import MotionLearner
 from pam_control.references.motion_limiter import MotionLimits
 from pam_control.references.spline import JointReference
@@ -77,7 +78,7 @@ class Moment(NamedTuple):
         return cls(row[place], JointReference(*row[place + 1 : place + 4]))
 
     @property
-    def row(self) -> tuple[float, ...]:
+    def row(self) -> PerMuscle:
         """As in a row."""
         at = self.reference
         return self.time, at.position, at.velocity, at.acceleration
@@ -105,7 +106,7 @@ class PlanRequest:
         Measured.
     fresh : float
         Time since the last new position [s]; 0 if it is not new.
-    pressures, desired : (float, float)
+    pressures, desired : tuple of float
         Measured, and desired until now [Pa].
     measured_at : float
         When the pressures were measured [s].
@@ -113,8 +114,8 @@ class PlanRequest:
         When the position was measured.
     now : Moment
         When the measured pressures were true; `measured_at`, unless they were found to be late.
-    acts : (Moment, Moment)
-        When the agonist's and the antagonist's valve will act.
+    acts : tuple of Moment
+        When the valve of each muscle will act.
     limits : MotionLimits
         Which the reference keeps.
     adapts : bool
@@ -132,26 +133,25 @@ class PlanRequest:
     torque: float | None
     motion: MeasuredMotion
     fresh: float
-    pressures: Pair
-    desired: Pair
+    pressures: PerMuscle
+    desired: PerMuscle
     measured_at: float
     seen: Moment
     now: Moment
-    acts: tuple[Moment, Moment]
+    acts: tuple[Moment, ...]
     limits: MotionLimits
     adapts: bool
     learner: MotionLearner | None
 
     @property
     def then(self) -> Moment:
-        """When the later valve will act."""
-        first, second = self.acts
-        return first if first.time >= second.time else second
+        """When the last valve will act."""
+        return max(self.acts, key=attrgetter("time"))
 
     @property
-    def side_velocities(self) -> Pair:
+    def side_velocities(self) -> PerMuscle:
         """Velocity of the reference when each valve will act [rad/s]."""
-        return self.acts[0].reference.velocity, self.acts[1].reference.velocity
+        return tuple(moment.reference.velocity for moment in self.acts)
 
 
 class LawTelemetry(NamedTuple):
@@ -193,13 +193,13 @@ class PressurePlan:
 
     Attributes
     ----------
-    reference : (float, float)
-        Pressures for the time of measurement [Pa].
-    rate : (float, float)
+    reference : tuple of float
+        PerMuscle for the time of measurement [Pa].
+    rate : tuple of float
         Feedforward pressure rate at the time when the valve acts [Pa/s].
-    ahead : (float, float)
+    ahead : tuple of float
         Feedforward pressure change from the measurement to that time [Pa].
-    velocities : (float, float)
+    velocities : tuple of float
         Joint velocity for each muscle's dV/dt feedforward [rad/s].
     missed : float
         Reachable minus requested PID output, in its unit.
@@ -209,10 +209,10 @@ class PressurePlan:
         What the plan is meant to give.
     """
 
-    reference: Pair
-    rate: Pair
-    ahead: Pair
-    velocities: Pair
+    reference: PerMuscle
+    rate: PerMuscle
+    ahead: PerMuscle
+    velocities: PerMuscle
     missed: float
     integral: float
     telemetry: LawTelemetry
@@ -229,7 +229,7 @@ class JointTelemetry(NamedTuple):
         Measured.
     error : float
         Reference minus measured position [rad].
-    pressures : (float, float)
+    pressures : tuple of float
         Desired gauge pressures [Pa].
     clipped : tuple of str
         What was limited: "torque", "stiffness", "pressure_rate", "valve".
@@ -245,7 +245,7 @@ class JointTelemetry(NamedTuple):
     reference: JointReference = JointReference(math.nan)
     motion: MeasuredMotion = MeasuredMotion()
     error: float = math.nan
-    pressures: Pair = (math.nan, math.nan)
+    pressures: PerMuscle = (math.nan, math.nan)
     clipped: tuple[str, ...] = ()
     behind_tube: int = 0
     law: LawTelemetry = LawTelemetry()
@@ -292,7 +292,7 @@ class ControlOutput:
         One for each joint; empty without commands.
     """
 
-    commands: tuple[float, ...] | None
+    commands: PerMuscle | None
     reason: str = ""
     joints: tuple[JointTelemetry, ...] = ()
 

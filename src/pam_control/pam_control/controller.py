@@ -26,7 +26,7 @@ from pam_control.control_step import (
 from pam_control.cycle.control_cycle import ControlCycle
 from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.feedback.supply_reservoir import SupplyReservoir
-from pam_control.joint_models import JointModels, Pair
+from pam_control.joint_models import JointModels
 from pam_control.joint_setup import joint_setups
 from pam_control.laws.law import AnyLaw
 from pam_control.laws.position_stiffness import PositionStiffness
@@ -282,7 +282,7 @@ class Controller:
             raise CommandError("torque command rejected: only law torque takes torques")
         self._torques.command(values, now)
 
-    def stiffness_range(self, index: int) -> Pair:
+    def stiffness_range(self, index: int) -> tuple[float, float]:
         """Least and greatest stiffness [N m/rad] of joint `index` at its present reference."""
         models, reference = self._models[index], self.channels[index].telemetry.reference
         if math.isnan(reference.position):
@@ -461,8 +461,10 @@ class Controller:
         )
         self.reservoir.reset()
         for channel, position in zip(self.channels, measurement.positions, strict=True):
-            a, b = (max(float(measurement.pressures[i]), 0.0) for i in channel.models.joint.muscles)
-            channel.take_over(float(position), (a, b))
+            pressures = (
+                max(float(measurement.pressures[i]), 0.0) for i in channel.models.joint.muscles
+            )
+            channel.take_over(float(position), tuple(pressures))
         self.guard.restart()
         self._held = False
         self.active = True

@@ -9,12 +9,13 @@ from pam_control.joint_scale import JointScale
 from pam_control.limited import limited
 from pam_control.references.spline import JointReference
 from pam_control.settings import ControlSettings
-from pam_model.joints.antagonistic_joint import AntagonisticJoint
+from pam_model.joints.joint_statics import JointStatics
 from pam_model.robot import Robot, RobotJoint, RobotMuscle
 from pam_model.views.inverse_dynamics import InverseDynamics
 from pam_ros.valve_command import FLOW
 
-Pair = tuple[float, float]
+PerMuscle = tuple[float, ...]
+"""One number for each muscle of a joint, in the order of its arms."""
 
 # Of max_pressure, above which the driver vents: pressure loops overshoot by 1 %, and noise adds.
 PRESSURE_SHARE = 0.97
@@ -30,14 +31,14 @@ class JointModels:
         It belongs to this robot.
     joint : RobotJoint
         Its limits and its place among the joints.
-    model : AntagonisticJoint
+    model : JointStatics
         Torque and stiffness of its muscles, and their inverse.
     dynamics : InverseDynamics
         Its equation of motion, without dry friction.
     dry_friction : JointFriction
         As it is compensated.
     muscles : tuple of RobotMuscle
-        Agonist, antagonist.
+        In the order of the arms of the joint.
     scale : JointScale
         Its size.
     pressure_lag : float
@@ -46,7 +47,7 @@ class JointModels:
 
     robot: Robot
     joint: RobotJoint
-    model: AntagonisticJoint
+    model: JointStatics
     dynamics: InverseDynamics
     dry_friction: JointFriction
     muscles: tuple[RobotMuscle, ...]
@@ -56,7 +57,7 @@ class JointModels:
     @classmethod
     def of(cls, robot: Robot, joint: RobotJoint, min_pressure: float) -> JointModels:
         """The models of a joint whose muscles have at least this pressure [Pa]."""
-        model = AntagonisticJoint.from_robot(
+        model = JointStatics.from_robot(
             robot, joint, min_pressure=min_pressure, pressure_share=PRESSURE_SHARE
         )
         muscles = tuple(robot.muscles[place] for place in joint.muscles)
@@ -105,17 +106,16 @@ class JointModels:
         low, high = self.model.position_range
         return limited(position, low, high)
 
-    def acting_delays(self, settings: ControlSettings) -> Pair:
+    def acting_delays(self, settings: ControlSettings) -> PerMuscle:
         """Time from a control cycle until each valve acts, by the rig file [s].
 
         The lag of a flow valve is partly made up for by a lead, that of a regulator is not.
         """
         soon = settings.command_delay + 0.5 * settings.period
-        first, second = (
+        return tuple(
             soon
             + (settings.lead_ratio if muscle.valve.kind == FLOW else 1.0)
             * muscle.valve.follows_after
             + muscle.valve.command_delay
             for muscle in self.muscles
         )
-        return first, second

@@ -12,7 +12,7 @@ from typing import Final
 
 from pam_control.declared import sized
 from pam_control.settings import ControlSettings
-from pam_model.joints.antagonistic_joint import AntagonisticJoint
+from pam_model.joints.joint_statics import JointStatics
 from pam_model.robot import RobotJoint
 
 GRID_SHARES: Final = (0.18, 0.37, 0.61)
@@ -38,20 +38,20 @@ class JointScale:
     joint: RobotJoint
 
     @classmethod
-    def of(cls, joint: RobotJoint, model: AntagonisticJoint) -> JointScale:
+    def of(cls, joint: RobotJoint, model: JointStatics) -> JointScale:
         """The size of a joint.
 
         Parameters
         ----------
         joint : RobotJoint
             Its range and inertia.
-        model : AntagonisticJoint
+        model : JointStatics
             Its muscles, with the pressures that the controller may ask for.
         """
         middle = 0.5 * sum(joint.position_limits)
-        first, second = model.agonist.high_pressure, model.antagonist.high_pressure
-        torque = model.torque(first, 0.0, middle) - model.torque(0.0, second, middle)
-        return cls(0.5 * torque, model.pressures_for(0.0, _ALL, middle).stiffness, joint)
+        pressures = [muscle.high_pressure for muscle in model.muscles]
+        least, most = model.torque_range(pressures, middle)
+        return cls(0.5 * (most - least), model.pressures_for(0.0, _ALL, middle).stiffness, joint)
 
     def complete(self, settings: ControlSettings) -> ControlSettings:
         """The settings with the values that follow from the size of this joint.

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pam_control.declared import BY_SIZE, sized
 from pam_control.feedback.gain_schedule import GainSchedule
 from pam_control.feedback.margins import Margins
-from pam_control.joint_models import JointModels, Pair
+from pam_control.joint_models import JointModels, PerMuscle
 from pam_control.laws.law import AnyLaw
 from pam_control.learning.motion_learner import MotionLearner
 from pam_control.loop_design import Loops, PreparedSettings
@@ -29,7 +29,7 @@ class JointSetup:
         Of the feedback.
     integral_limit : float
         Of the feedback, in the unit of its output.
-    acting_delays : (float, float)
+    acting_delays : tuple of float
         Time from a control cycle until each valve acts, by the rig file [s].
     margins : list of Margins
         With these gains, the worst operating point first.
@@ -43,7 +43,7 @@ class JointSetup:
     settings: ControlSettings
     gains: GainSchedule
     integral_limit: float
-    acting_delays: Pair
+    acting_delays: PerMuscle
     margins: list[Margins]
     adapts: bool
     learner: MotionLearner | None

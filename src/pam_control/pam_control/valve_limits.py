@@ -164,8 +164,7 @@ def _at(
     """The rows of `_Side` for both muscles at one position [rad]."""
     gravity = models.dynamics.gravity(position)
     reached = models.model.pressures_for(gravity, stiffness, position)
-    pressures = (reached.agonist, reached.antagonist)
-    point = operating_point(models.joint, models.model, position, pressures)
+    point = operating_point(models.joint, models.model, position, reached.pressures)
     slope = models.dynamics.gravity_stiffness(position)
     return [
         (
@@ -175,7 +174,7 @@ def _at(
             volume,
         )
         for pressure, per_torque, per_position, motion, volume in zip(
-            pressures,
+            reached.pressures,
             point.per_torque,
             point.per_position,
             point.motion_pressure,

@@ -97,16 +97,21 @@ def best_bus() -> BusChoice:
     return multicast_bus()
 
 
-def private_domain() -> dict[str, str]:
+def private_domain(numbers: Iterator[int] = _domains) -> dict[str, str]:
     """Environment of a ROS domain that is limited to this machine and not in use on it.
 
     Every call gives another domain, so that a chain does not meet nodes left over from another.
     Other processes of this machine that call this function get other ones, as long as this process
     runs and has not asked for `HELD_DOMAINS` more.
+
+    Parameters
+    ----------
+    numbers : iterator of int, optional
+        Of the domains that are tried, less 1.
     """
     for _ in range(DOMAINS):
         # 101 and above run into the ports the kernel hands out
-        domain = 1 + next(_domains) % DOMAINS
+        domain = 1 + next(numbers) % DOMAINS
         if not _has_participant(domain) and _reserve(domain):
             break
     return {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}

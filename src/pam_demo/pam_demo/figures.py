@@ -194,7 +194,8 @@ def _stiffness_figures(play: Play, rig: Rig, moved: str) -> tuple[list[Figure], 
     position = float(np.mean(play.measured))
     torque = -gravity_torque(robot.joint(moved), position)
     worst, notes = 0.0, []
-    rate = JointScale.of(robot.joint(moved), joint).complete(ControlSettings()).stiffness_rate
+    scale = JointScale.of(robot.joint(moved), joint.statics)
+    rate = scale.complete(ControlSettings()).stiffness_rate
     ends = [entry[0] for entry in play.motion.stiffness[1:]] + [play.motion.duration]
     before = play.motion.stiffness[0][1]
     for (start, level), end in zip(play.motion.stiffness, ends, strict=True):

@@ -95,12 +95,8 @@ def diagnose(
     joint : str, optional
         Name of the only joint, or of the only muscle on a bench, to diagnose; default is each of
         them in the recordings.
-    threads : int
-        Number of simulations that run in parallel; 0 for one per processor, at most 4.
-    progress : callable
-        Called with the current task and the completed share, 0 to 1.
-    rules : Rules
-        Hand-set constants of the diagnosis.
+    threads, progress, rules
+        As in `DiagnosisOptions`.
 
     Returns
     -------

@@ -96,7 +96,7 @@ class FirstLook:
             share = gap.before / max(gap.motion, 1e-300)
             lines.append(
                 f"  {gap.channel}: wrong by {told(gap.before, gap.unit)} RMS ({percent(share)} of "
-                f"its range), {told(gap.retuned, gap.unit)} re-tuned within the tolerance"
+                f"its range), {told(gap.retuned, gap.unit)} re-tuned on the same data"
             )
         if self.effects:
             lines.append("  of the re-tuned error, one effect alone would remove:")

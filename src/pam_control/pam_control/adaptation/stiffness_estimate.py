@@ -6,7 +6,7 @@ model is compared with the torque that the motion needs, as in `torque_adaptatio
 pass two filters 1/(T s + 1), integrated by the trapezoidal rule; from the position q and the once
 and twice filtered q1 and q2 follow speed (q1 - q2)/T and acceleration (q - 2 q1 + q2)/T^2, without
 the delay of a difference. The difference of the torques is explained by small changes of the
-numbers of the rig file: the radius, the dimensions of both muscles, inertia, friction and gravity.
+numbers of the rig file: the arms, the dimensions of the muscles, inertia, friction and gravity.
 Their prior has the standard deviation of a uniform range of the size of the tolerance. The
 corrected numbers give the stiffness, and what is left uncertain of them gives its interval.
 
@@ -22,7 +22,8 @@ Source: Bayesian linear regression, C. M. Bishop, Pattern Recognition and Machin
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -30,21 +31,18 @@ import numpy as np
 from pam_control.adaptation.motion_functions import begin_memory, element, move_memory
 from pam_control.adaptation.normal_equations import CORRELATED, Array
 from pam_control.adaptation.rig_numbers import (
-    DRY_FRICTION,
     NOISE,
     QUANTILE,
     UNEXPLAINED,
     FadingSums,
-    Place,
     RigNumbers,
     fitted_numbers,
 )
+from pam_control.adaptation.varied_joint import VariedJoint
 from pam_control.limited import limited
 from pam_control.rows.plan_rows import N_MEMORY
-from pam_model.effects import effect_value
 from pam_model.errors import PamError
-from pam_model.joints.antagonistic_joint import AntagonisticJoint
-from pam_model.rig import Joint, Rig
+from pam_model.joints.joint_statics import JointStatics
 from pam_model.views.inverse_dynamics import InverseDynamics
 
 FILTER: Final = 0.03  # s, of both filters
@@ -60,7 +58,6 @@ OLD_SHARE: Final = 0.1  # of what was seen with other derivatives
 DIFFERENCE: Final = 1e-3  # relative step of the derivatives
 MOST: Final = 1.15  # by which a stiffness command is corrected
 ENOUGH: Final = 1.0  # s of motion
-OF_MUSCLES: Final = ("thread_length", "turns", "neutral_length")
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,11 +83,9 @@ class StiffnessEstimate:
 
     Parameters
     ----------
-    rig : Rig
-        The rig file.
-    joint : Joint
-        One of its joints.
-    model : AntagonisticJoint
+    joint : VariedJoint
+        The joint, and its statics with changed numbers.
+    model : JointStatics
         The joint's model.
     dynamics : InverseDynamics
         Of the joint.
@@ -107,26 +102,16 @@ class StiffnessEstimate:
 
     def __init__(
         self,
-        rig: Rig,
-        joint: Joint,
-        model: AntagonisticJoint,
+        joint: VariedJoint,
+        model: JointStatics,
         dynamics: InverseDynamics,
         largest: float,
         turn: float = 0.0,
     ) -> None:
-        # of one joint alone, because the models with changed numbers are built in a control cycle
-        muscles = tuple(rig.muscle(name) for name in joint.muscles)
-        self._rig = replace(rig, joints=(joint,), muscles=muscles)
         self._joint, self._written, self._turn = joint, model, turn
         self._dynamics, self._largest = dynamics, largest
-        self._numbers = [(joint.name, "pulley_radius")] + [
-            (name, key)
-            for name in joint.muscles
-            for key in OF_MUSCLES
-            if getattr(rig.muscle(name), key, None)
-        ]
-        deviation = rig.parameter_tolerance / math.sqrt(3.0)
-        size = len(self._numbers) + 3  # with inertia, friction and gravity
+        deviation = joint.tolerance / math.sqrt(3.0)
+        size = len(joint.numbers) + 3  # with inertia, friction and gravity
         self._prior = np.eye(size) / max(deviation, 1e-6) ** 2
         self._slip = [0.0] * N_MEMORY
         self.forget()
@@ -160,7 +145,7 @@ class StiffnessEstimate:
         return self._tolerance.left(self._found)
 
     def learn(
-        self, step: float, pressures: tuple[float, float], position: float, known: float = 0.0
+        self, step: float, pressures: Sequence[float], position: float, known: float = 0.0
     ) -> None:
         """Take a measurement.
 
@@ -168,7 +153,7 @@ class StiffnessEstimate:
         ----------
         step : float
             Time since the last one [s]; 0 if the position is not new.
-        pressures : (float, float)
+        pressures : sequence of float
             Of the muscles at the time of the position [Pa].
         position : float
             [rad].
@@ -184,8 +169,8 @@ class StiffnessEstimate:
         if not self._low <= position <= self._high:
             return
         elapsed, self.since = self.since, 0.0
-        torque = self._model.torque(*pressures, position)
-        parts = np.array([each.torque(*pressures, position) - torque for each in self._changed])
+        torque = self._model.torque(pressures, position)
+        parts = np.array([each.torque(pressures, position) - torque for each in self._changed])
         parts /= DIFFERENCE
         # as if the model were that of the rig file, so that the changes are counted from it
         torque += known - float(parts @ self._about)
@@ -234,8 +219,8 @@ class StiffnessEstimate:
 
     def _linearise(self) -> None:
         """Begin to compute the derivatives where the fit is now."""
-        self._coming: Array | None = self._found[: len(self._numbers)].copy()
-        self._built: list[AntagonisticJoint] = []
+        self._coming: Array | None = self._found[: len(self._joint.numbers)].copy()
+        self._built: list[JointStatics] = []
 
     def _build_next(self) -> None:
         """Build one of the models for the coming derivatives; all at once would delay a cycle.
@@ -247,11 +232,11 @@ class StiffnessEstimate:
         if self._built:
             changes[len(self._built) - 1] += DIFFERENCE
         try:
-            self._built.append(self._with(changes))
+            self._built.append(self._joint.changed(changes.tolist()))
         except PamError:  # a rig at the edge of what is possible
-            self._coming, self._built = np.zeros(len(self._numbers)), []
+            self._coming, self._built = np.zeros(len(self._joint.numbers)), []
             return
-        if len(self._built) > len(self._numbers):
+        if len(self._built) > len(self._joint.numbers):
             self._about, self._coming = self._coming, None
             self._model, *self._changed = self._built
             # at the ends of the range of one model, another one may not be defined
@@ -260,46 +245,19 @@ class StiffnessEstimate:
             self._moved = 0.0
             self._tolerance.fade(OLD_SHARE)
 
-    def _with(self, changes: Array) -> AntagonisticJoint:
-        """The joint with relative changes of its numbers."""
-        rig = self._rig
-        new: dict[str, dict[str, float]] = {}
-        for (owner, key), change in zip(self._numbers, changes.tolist(), strict=True):
-            part = self._joint if owner == self._joint.name else rig.muscle(owner)
-            new.setdefault(owner, {})[key] = (1.0 + change) * getattr(part, key)
-        for owner, values in new.items():
-            if owner == self._joint.name:
-                rig = rig.with_joint(replace(rig.joint(owner), **values))  # type: ignore[arg-type]
-            else:
-                rig = rig.with_muscle(replace(rig.muscle(owner), **values))  # type: ignore[arg-type]
-        return AntagonisticJoint.from_rig(rig, self._joint.name)
-
     def numbers(self) -> RigNumbers:
         """The numbers that the rig file of this joint should have, a load and friction included."""
-        return fitted_numbers(self._load, self._prior, self._places, self._largest)
+        return fitted_numbers(
+            self._load, self._prior, self._joint.places(self._dynamics), self._largest
+        )
 
-    @property
-    def _places(self) -> list[Place]:
-        """Where the number of each part of the fit is written."""
-        joint, dynamics = self._joint, self._dynamics
-        places = []
-        for owner, key in self._numbers:
-            part = joint if owner == joint.name else self._rig.muscle(owner)
-            written = float(getattr(part, key))
-            places.append(Place(owner, key, written, written))
-        for key in ("inertia", "viscous_friction", "gravity_torque"):
-            # with effects such as a payload, which stay as they are
-            places.append(Place(joint.name, key, getattr(joint, key), getattr(dynamics, key)))
-        dry = effect_value(joint.effects, *DRY_FRICTION.split("."))
-        return [*places, Place(joint.name, DRY_FRICTION, dry, 1.0)]
-
-    def factor(self, pressures: tuple[float, float], position: float, present: float) -> float:
+    def factor(self, pressures: Sequence[float], position: float, present: float) -> float:
         """The estimated stiffness over that of the model, within bounds; 1 if nothing is known.
 
         A present factor inside the interval stays as it is: every change of the stiffness moves
         air, and what was learnt of the torques holds for one stiffness.
         """
-        written = self._written.stiffness(*pressures, position)
+        written = self._written.stiffness(pressures, position)
         found = self.at(pressures, position)
         if not (found.learnt and written > 0.0):
             return 1.0
@@ -307,21 +265,21 @@ class StiffnessEstimate:
             return present
         return max(1.0 / MOST, min(MOST, found.value / written))
 
-    def at(self, pressures: tuple[float, float], position: float) -> Stiffness:
+    def at(self, pressures: Sequence[float], position: float) -> Stiffness:
         """The stiffness at pressures [Pa] and a position [rad]."""
         if not all(map(math.isfinite, (*pressures, position))):
             return Stiffness(math.nan, math.nan, math.nan, False)
         position = limited(position, self._low, self._high)
-        here = self._model.stiffness(*pressures, position)
+        here = self._model.stiffness(pressures, position)
         slopes = np.zeros(len(self._prior))
         for index, each in enumerate(self._changed):
-            slopes[index] = (each.stiffness(*pressures, position) - here) / DIFFERENCE
+            slopes[index] = (each.stiffness(pressures, position) - here) / DIFFERENCE
         learnt = self.explains
         if learnt:
             value = here + float(slopes[: len(self._about)] @ (self._found[:-3] - self._about))
             covariance = self._covariance
         else:
-            value = self._written.stiffness(*pressures, position)
+            value = self._written.stiffness(pressures, position)
             covariance = np.linalg.inv(self._prior)
         half = QUANTILE * math.sqrt(float(slopes @ covariance @ slopes))
         return Stiffness(value, value - half, value + half, learnt)

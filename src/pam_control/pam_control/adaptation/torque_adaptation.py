@@ -16,6 +16,11 @@ position seems to be early: d times its rate at a fixed position is left over. I
 so much that only a rival explanation can have it (`averaged_fit`). The controller compares a late
 position with the reference of that earlier time, and late pressures with the plan of theirs.
 
+A false zero of the position seems to be a torque of the zero times the stiffness k(P) of the
+muscles, and a false gain or zero of a pressure one that grows with it as well. While a joint is
+taken over, or its stiffness changes, no function of the motion can tell this; it would be taken for
+viscous friction or inertia. So a rival has the stiffness as well.
+
 Nothing is learnt from a joint that stands still, because its friction may then be anything, and
 what a slow joint shows counts by the way, not by the time. Dry friction and presliding are
 ordinary: an explanation with them is the more probable one before anything was seen. Neither dry
@@ -63,6 +68,7 @@ from pam_control.rows.plan_rows import (
     N_SAMPLE,
     Y_PLANNED_AT,
     Y_REFERENCE,
+    Y_STIFFNESS,
 )
 
 FILTER: Final = 0.03  # s, T
@@ -74,28 +80,32 @@ SLOW: Final = 0.1  # rad/s; below it a sample counts by the way, not by the time
 VISCOUS: Final = 3  # index of the speed
 STILL: Final = 0.02  # rad/s
 DELAY_DEVIATION: Final = 0.01  # s
+ZERO_DEVIATION: Final = 0.05  # rad, of an encoder that was put on by eye
 LEAST_DELAY: Final = 2e-3  # s; smaller ones are not believed
 LONGEST_DELAY: Final = 0.04  # s
 DELAY_RATE: Final = 0.06  # s/s, at which the reference is moved to a delay that was found
 SMOOTH: Final = (0, 1, 2, 3, 4, 5 + len(SLIP_LENGTHS), 6 + len(SLIP_LENGTHS))
 SLIPS: Final = tuple(range(5, 5 + len(SLIP_LENGTHS)))
 DELAY: Final = 7 + len(SLIP_LENGTHS)
+STIFFNESS: Final = DELAY + 1
 RIVALS: Final = (
     Rival(SMOOTH, 0.0),
     Rival((*SMOOTH, *SLIPS), 2.0),
+    Rival((*SMOOTH, STIFFNESS), 0.0, better=4.0),
     Rival((*SMOOTH, DELAY), 0.0, better=2.0),
     Rival((*SMOOTH, *SLIPS, DELAY), 0.0, better=4.0),
 )
-"""By the numbers of the functions of `motion_functions`, after which comes the delay. Dry friction
-is ordinary. A delay has to explain what nothing else does, and more of it beside friction, of which
-the slip elements are only an approximation."""
-SLOW_FUNCTIONS: Final = 3  # 1, q and q^3: what the integral of the feedback carries meanwhile
+"""By the numbers of the functions of `motion_functions`, after which come the delay and the
+stiffness. Dry friction is ordinary. A delay has to explain what nothing else does. So has the
+stiffness, which friction resembles where a joint sticks while it is taken over; and a delay beside
+friction, of which the slip elements are only an approximation, even more."""
+SLOW_FUNCTIONS: Final = 3  # 1, q, q^3; with the stiffness, what the integral carries meanwhile
 DRY: Final = 0.02  # rad; longer slip elements are hysteresis, by which a joint does not stick
 
 
 def take_torque(
     row: Any, step: float, unexplained: float, rate: float, position: float, speed: float,
-    speed_filter: float,
+    speed_filter: float, stiffness: float,
 ) -> bool:  # fmt: skip
     """Take one control cycle of a joint; return whether the fit is due.
 
@@ -114,6 +124,8 @@ def take_torque(
         Measured [rad], [rad/s]; the speed has passed a filter.
     speed_filter : float
         Time constant of that filter [s].
+    stiffness : float
+        Of the muscles by their model [N m/rad].
     """
     if step <= 0.0:
         return False
@@ -130,8 +142,10 @@ def take_torque(
             raw = 1.0 if place == 1 else position if place == 2 else position**3
         elif place < 4 + N_ELEMENTS:
             raw = element(row, A_MEASURED, place - 4)
-        else:
+        elif place == 4 + N_ELEMENTS:
             raw = rate
+        else:
+            raw = stiffness
         if first:
             row[A_RAW + place] = row[A_SMOOTH + place] = raw
             row[A_ONCE + place] = row[A_TWICE + place] = raw
@@ -154,10 +168,16 @@ def take_torque(
     return bool(row[A_SINCE] >= EVERY)
 
 
-def weighted(row: Any, position: float, velocity: float, acceleration: float, rests: bool) -> float:
-    """Torque [N m] by what was learnt, for a joint that moves as planned or begins at rest."""
+def weighted(
+    row: Any, stiffness: float, position: float, velocity: float, acceleration: float, rests: bool
+) -> float:
+    """Torque [N m] by what was learnt, for a joint that moves as planned or begins at rest.
+
+    Its muscles have a stiffness [N m/rad] by their model.
+    """
     w = A_WEIGHTS
     found = row[w] + row[w + 1] * position + row[w + 2] * position**3
+    found += row[w + STIFFNESS] * stiffness
     found += row[w + 3] * velocity + row[w + 4] * acceleration
     if not rests:
         for number in range(N_ELEMENTS):
@@ -173,7 +193,9 @@ def learnt_torque(
     step = 0.0 if math.isnan(y[Y_PLANNED_AT]) else max(time - y[Y_PLANNED_AT], 0.0)
     y[Y_PLANNED_AT], y[Y_REFERENCE] = time, position
     move_memory(row, A_PLANNED, position, step)
-    return limited(weighted(row, position, velocity, acceleration, False), -limit, limit)
+    return limited(
+        weighted(row, y[Y_STIFFNESS], position, velocity, acceleration, False), -limit, limit
+    )
 
 
 class TorqueAdaptation:
@@ -200,7 +222,7 @@ class TorqueAdaptation:
         self._y, self._row = y, row
         self._inertia, self._damping, self._turn = inertia, damping, turn
         self._fit = AveragedFit(
-            [*(largest * each for each in DEVIATIONS), DELAY_DEVIATION],
+            [*(largest * each for each in DEVIATIONS), DELAY_DEVIATION, ZERO_DEVIATION],
             RIVALS,
             NOISE * largest,
             ERRORS * largest,
@@ -243,7 +265,7 @@ class TorqueAdaptation:
 
     @property
     def weights(self) -> list[float]:
-        """Of the functions in the order of `motion_functions`, and of the delay."""
+        """Of the functions in the order of `motion_functions`, of the delay and the stiffness."""
         return self._fit.weights
 
     def _dry_friction(self) -> float:
@@ -291,8 +313,11 @@ class TorqueAdaptation:
         if math.isnan(q):
             return 0.0
         constant, linear, cubic = self._fit.weights[:SLOW_FUNCTIONS]
-        return constant + linear * q + cubic * q**3
+        sensors = self._fit.weights[STIFFNESS] * float(self._y[Y_STIFFNESS])
+        return constant + linear * q + cubic * q**3 + sensors
 
     def at_rest(self, position: float, limit: float) -> float:
         """The learnt torque of a joint that begins at rest at a position [rad], limited [N m]."""
-        return limited(weighted(self._row, position, 0.0, 0.0, True), -limit, limit)
+        return limited(
+            weighted(self._row, self._y[Y_STIFFNESS], position, 0.0, 0.0, True), -limit, limit
+        )

@@ -14,16 +14,17 @@ from pam_control.compensation.dry_friction import slipped
 from pam_control.rows.plan_rows import (
     J_HAS_HISTORY,
     J_PRESLIDING,
+    W_LINE,
     W_PLANNED,
     Y_HISTORY_POSITION,
     Y_HISTORY_TIME,
     Y_SLIP,
 )
-from pam_model.physics.joint_geometry import SIGNS
+from pam_model.joints.muscle_inverse import L_RATIO
 from pam_model.plant.composition import dry_friction, memory_pull
 from pam_model.plant.control_laws import memory_advance
 from pam_model.plant.layout import N_MUSCLE_STATES
-from pam_model.views.joint_numbers import SIDES
+from pam_model.views.joint_numbers import constants_of
 from pam_model.views.joint_rows import length_rate, torque_of
 
 
@@ -58,11 +59,11 @@ def history_torque(
         y[Y_SLIP] = slipped(y[Y_SLIP], travel, velocity, acceleration, j[J_PRESLIDING])
         duration = max(time - y[Y_HISTORY_TIME], 0.0)
         for k in range(len(w)):
-            stroke = length_rate(SIGNS[k], c, travel)
-            memory_advance(SIDES[k], c, memory, k * N_MUSCLE_STATES, stroke, duration)
+            stroke = length_rate(w[k][W_LINE + L_RATIO], c, travel)
+            memory_advance(constants_of(k), c, memory, k * N_MUSCLE_STATES, stroke, duration)
     y[Y_HISTORY_POSITION], y[Y_HISTORY_TIME] = position, time
     pull = 0.0
     for k in range(len(w)):
-        own, _ = memory_pull(SIDES[k], c, memory, k * N_MUSCLE_STATES, w[k][W_PLANNED])
-        pull += SIGNS[k] * own
+        own, _ = memory_pull(constants_of(k), c, memory, k * N_MUSCLE_STATES, w[k][W_PLANNED])
+        pull += w[k][W_LINE + L_RATIO] * own
     return float(torque_of(c, pull) - y[Y_SLIP] * dry_friction(c, velocity))

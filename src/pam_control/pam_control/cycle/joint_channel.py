@@ -28,7 +28,7 @@ from pam_control.cycle.joint_cycle import (
 )
 from pam_control.cycle.pressure_loops import MuscleLoop
 from pam_control.feedback.pid import F_INTEGRAL, PidGains, begin_feedback, continue_feedback
-from pam_control.joint_models import JointModels, Pair
+from pam_control.joint_models import JointModels, PerMuscle
 from pam_control.joint_setup import JointSetup
 from pam_control.laws.law import Guidance, GuideRequest, Start
 from pam_control.references.motion_limiter import MotionLimits
@@ -97,17 +97,18 @@ class JointChannel:
         self._setup, self._state = setup, state
         place = models.joint.place
         self._w, self._x, self._k = tuple(rows.w[place]), rows.x[place], rows.k[place]
-        self._sinking_from: Pair | None = None  # desired pressures when the lowering began [Pa]
+        self._sinking_from: PerMuscle | None = (
+            None  # desired pressures when the lowering began [Pa]
+        )
         self._law_telemetry: LawTelemetry | None = None  # of a law that plans by itself
         self._telemetry = JointTelemetry()
         self._stand()
         self._desire((math.nan,) * len(loops))
 
     @property
-    def _desired(self) -> Pair:
+    def _desired(self) -> PerMuscle:
         """Desired pressures of the muscles [Pa]."""
-        first, second = self._w
-        return float(first[W_DESIRED]), float(second[W_DESIRED])
+        return tuple(float(muscle[W_DESIRED]) for muscle in self._w)
 
     def _desire(self, pressures: Sequence[float]) -> None:
         for muscle, pressure in zip(self._w, pressures, strict=True):
@@ -162,14 +163,13 @@ class JointChannel:
         return max(-self._setup.law.delay(self._state), 0.0)
 
     @property
-    def late_commands(self) -> Pair:
+    def late_commands(self) -> PerMuscle:
         """Learnt delay of each valve's command, in addition to the stated one [s].
 
         A late sensor of the pressure makes the valve seem late.
         """
         pressures = self.late_pressures
-        first, second = self.loops
-        return max(first.late - pressures, 0.0), max(second.late - pressures, 0.0)
+        return tuple(max(loop.late - pressures, 0.0) for loop in self.loops)
 
     # --- changes -------------------------------------------------------------------------------
 
@@ -184,7 +184,7 @@ class JointChannel:
         for loop in self.loops:
             loop.forget_adaptation()
 
-    def take_over(self, position: float, pressures: Pair) -> None:
+    def take_over(self, position: float, pressures: PerMuscle) -> None:
         """Begin at a measured position [rad], and keep the pressures [Pa] at first."""
         if self._setup.learner is not None:
             self._setup.learner.interrupt()
@@ -267,7 +267,7 @@ class JointChannel:
             Which the reference keeps.
         """
         setup, x = self._setup, [float(number) for number in self._x]
-        first, second = ([float(number) for number in row] for row in self._w)
+        w = [[float(number) for number in row] for row in self._w]
         request = PlanRequest(
             step,
             setup.settings,
@@ -278,12 +278,12 @@ class JointChannel:
             torque,
             self.motion,
             x[X_FRESH],
-            (first[W_PRESSURE], second[W_PRESSURE]),
-            (first[W_DESIRED], second[W_DESIRED]),
+            tuple(muscle[W_PRESSURE] for muscle in w),
+            tuple(muscle[W_DESIRED] for muscle in w),
             x[X_MEASURED_AT],
             Moment.at(x, X_SEEN),
             Moment.at(x, X_NOW),
-            (Moment.at(first, W_ACTS), Moment.at(second, W_ACTS)),
+            tuple(Moment.at(muscle, W_ACTS) for muscle in w),
             limits,
             setup.adapts,
             setup.learner,

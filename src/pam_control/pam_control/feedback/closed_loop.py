@@ -40,42 +40,47 @@ def state_space(point: OperatingPoint, loop: LoopStructure, timing: LoopTiming) 
     if timing.regulated:
         return _regulated_state_space(point, loop, timing)
     k = loop.pressure_gain
-    (na, nb), (ca, cb) = point.torque_slopes, point.motion_pressure
+    muscles = len(point.torque_slopes)
+    size, none = 2 + muscles, [0.0] * muscles
     joint = control.ss(
         [
-            [0.0, 1.0, 0.0, 0.0],
-            point.accelerations(-point.spring, -point.damping, na, nb),
-            [0.0, -ca, 0.0, 0.0],
-            [0.0, -cb, 0.0, 0.0],
+            [0.0, 1.0, *none],
+            point.accelerations(-point.spring, -point.damping, *point.torque_slopes),
+            *([0.0, -c, *none] for c in point.motion_pressure),
         ],
-        [[0.0, 0.0], [0.0, 0.0], [1.0, 0.0], [0.0, 1.0]],
-        np.eye(4),
-        np.zeros((4, 2)),
+        np.eye(size)[:, 2:],
+        np.eye(size),
+        np.zeros((size, muscles)),
     )
     delay = control.ss(control.tf(*control.pade(timing.delay, PADE_ORDER)))
     lag = control.ss(control.tf([1.0], [max(timing.residual_lag, 1e-6), 1.0]))
     valve = control.series(delay, lag)
-    valves = control.append(valve, valve)
+    valves = control.append(*[valve] * muscles)
     filtered = control.ss(control.tf([1.0], [max(timing.velocity_filter, 1e-6), 1.0]))
     measured = control.append(
-        control.ss([], [], [], np.eye(1)), filtered, control.ss([], [], [], np.eye(2))
+        control.ss([], [], [], np.eye(1)), filtered, control.ss([], [], [], np.eye(muscles))
     )
     if timing.position_delay > 0.0:
         late = _late(timing)
         measured = control.series(
-            control.append(late, late, control.ss([], [], [], np.eye(2))), measured
+            control.append(late, late, control.ss([], [], [], np.eye(muscles))), measured
         )
     velocity = 1.0 if loop.measured_velocity else 0.0
-    (ga, gb), (ha, hb) = loop.input, loop.position_feedback
-    # ui = k gi w + k hi q + ci qd - k pi: positive feedback of these gains on (q, qd, pa, pb).
-    gains = np.array(
-        [[k * ha, velocity * ca, -k, 0.0], [k * hb, velocity * cb, 0.0, -k]], dtype=float
+    # ui = k gi w + k hi q + ci qd - k pi: positive feedback of these gains on (q, qd, pa, pb, ...).
+    gains = np.hstack(
+        (
+            [
+                [k * h, velocity * c]
+                for h, c in zip(loop.position_feedback, point.motion_pressure, strict=True)
+            ],
+            -k * np.eye(muscles),
+        )
     )
     opened = control.series(valves, joint)
     returned = control.series(measured, _gain(gains))
     closed = control.feedback(opened, returned, sign=1)
-    into = _gain([[k * ga], [k * gb]])
-    out = _gain([[1.0, 0.0, 0.0, 0.0]])
+    into = _gain([[k * g] for g in loop.input])
+    out = _gain(np.eye(size)[:1])
     result = control.series(into, closed, out)
     return control.series(result, _late(timing)) if timing.position_delay > 0.0 else result
 
@@ -89,7 +94,6 @@ def _gain(matrix: npt.ArrayLike) -> Any:
 
 
 def _regulated_state_space(point: OperatingPoint, loop: LoopStructure, timing: LoopTiming) -> Any:
-    (na, nb), (ga, gb), (ha, hb) = point.torque_slopes, loop.input, loop.position_feedback
     joint = control.ss(
         [[0.0, 1.0], point.accelerations(-point.spring, -point.damping)],
         [[0.0], point.accelerations(1.0)],
@@ -102,5 +106,9 @@ def _regulated_state_space(point: OperatingPoint, loop: LoopStructure, timing: L
     opened = control.series(delay, lag, joint)
     if timing.position_delay > 0.0:
         opened = control.series(opened, _late(timing))
-    closed = control.feedback(opened, _gain([[na * ha + nb * hb]]), sign=1)
-    return control.series(_gain([[na * ga + nb * gb]]), closed)
+    returned, into = (
+        sum(n * each for n, each in zip(point.torque_slopes, of_muscles, strict=True))
+        for of_muscles in (loop.position_feedback, loop.input)
+    )
+    closed = control.feedback(opened, _gain([[returned]]), sign=1)
+    return control.series(_gain([[into]]), closed)

@@ -294,7 +294,7 @@ def _cost(task: DesignTask, gains: PidGains) -> float:
 def _key_of(content: Mapping[str, Any]) -> dict[str, Any]:
     """Content and code as JSON returns them: exact numbers, and lists in place of tuples."""
     key: dict[str, Any] = json.loads(json.dumps(content))
-    key["code"] = _code_version()
+    key["code"] = code_version()
     return key
 
 
@@ -304,7 +304,7 @@ def _name_of(key: Mapping[str, Any], suffix: str) -> str:
 
 
 @functools.cache
-def _code_version() -> str:
+def code_version() -> str:
     """Digest of the code and library versions that lead from a task to its gains."""
     digest = hashlib.sha256(f"numpy {np.__version__}, scipy {scipy.__version__}".encode())
     for name in CODE:

@@ -1,8 +1,9 @@
 """The joint, its gas and its pressure loops, linearised about an equilibrium.
 
-With deviations q, pa, pb, the controller's output w and s the Laplace variable:
+With deviations q, pa, pb, ... of any number of muscles, the controller's output w and s the Laplace
+variable:
 
-    (J s^2 + B s + K) q = na pa + nb pb
+    (J s^2 + B s + K) q = na pa + nb pb + ...
     s pi = H(s) ui - ci s q
     ui = k (gi w + hi q - pi) + [ci s q/(Tf s + 1)]     (bracket: measured-velocity feedforward)
     H(s) = exp(-T s)/(alpha tau s + 1)
@@ -21,9 +22,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from pam_model.views.linearised_joint import OperatingPoint
+from pam_model.views.linearised_joint import OperatingPoint, PerMuscle
 
-Pair = tuple[float, float]
 Complex = npt.NDArray[np.complex128]
 
 
@@ -80,18 +80,23 @@ class LoopStructure:
     ----------
     pressure_gain : float
         k [1/s].
-    input : (float, float)
-        ga, gb [Pa per unit of output].
-    position_feedback : (float, float)
-        ha, hb [Pa/rad].
+    input : tuple of float
+        ga, gb, ... [Pa per unit of output].
+    position_feedback : tuple of float
+        ha, hb, ... [Pa/rad]; by default 0 for each muscle.
     measured_velocity : bool
         Whether the dV/dt feedforward uses the measured velocity.
     """
 
     pressure_gain: float
-    input: Pair
-    position_feedback: Pair = (0.0, 0.0)
+    input: PerMuscle
+    position_feedback: PerMuscle = ()
     measured_velocity: bool = False
+
+    def __post_init__(self) -> None:
+        """Let the default be that of as many muscles as there are."""
+        if not self.position_feedback:
+            object.__setattr__(self, "position_feedback", (0.0,) * len(self.input))
 
 
 def frequency_response(

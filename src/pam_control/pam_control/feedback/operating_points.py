@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from pam_model.errors import PamError
-from pam_model.joints.antagonistic_joint import AntagonisticJoint
+from pam_model.joints.joint_statics import JointStatics
 from pam_model.robot import RobotJoint
 from pam_model.views.inverse_dynamics import InverseDynamics
 from pam_model.views.linearised_joint import PRESSURE_STEP, OperatingPoint, operating_point
@@ -14,7 +14,7 @@ POSITION_SHARES = (0.05, 0.5, 0.95)
 
 
 def operating_grid(
-    joint: RobotJoint, model: AntagonisticJoint, stiffnesses: Sequence[float]
+    joint: RobotJoint, model: JointStatics, stiffnesses: Sequence[float]
 ) -> list[tuple[float, OperatingPoint]]:
     """Equilibria over the joint's range and these stiffnesses.
 
@@ -22,7 +22,7 @@ def operating_grid(
     ----------
     joint : RobotJoint
         Range and gravity.
-    model : AntagonisticJoint
+    model : JointStatics
         Inverse model of the joint.
     stiffnesses : sequence of float
         Desired values [N m/rad]. Where gravity or the pressures do not allow one, the nearest
@@ -48,8 +48,8 @@ def operating_grid(
             reached = model.pressures_for(torque, stiffness, position)
             if reached.torque_limited:
                 continue
-            a, b = reached.agonist + PRESSURE_STEP, reached.antagonist + PRESSURE_STEP
-            points.append((stiffness, operating_point(joint, model, position, (a, b))))
+            pressures = [pressure + PRESSURE_STEP for pressure in reached.pressures]
+            points.append((stiffness, operating_point(joint, model, position, pressures)))
     if not points:
         raise PamError(f"{joint.name}: its muscles cannot hold it at any position of its range")
     return points

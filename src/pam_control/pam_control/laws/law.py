@@ -24,7 +24,7 @@ from pam_control.control_step import JointTelemetry, MeasuredMotion, PlanRequest
 from pam_control.declared import check_fields
 from pam_control.feedback.margins import LoopCase
 from pam_control.feedback.pid import PidGains
-from pam_control.joint_models import JointModels, Pair
+from pam_control.joint_models import JointModels, PerMuscle
 from pam_control.learning.motion_learner import MotionLearner
 from pam_control.references.spline import JointReference
 from pam_control.settings import ControlSettings
@@ -37,7 +37,7 @@ class Start(NamedTuple):
     ----------
     position : float
         [rad].
-    pressures : (float, float)
+    pressures : tuple of float
         Which the joint has, or is desired to have, now [Pa].
     settings : ControlSettings
         Complete for this joint.
@@ -50,7 +50,7 @@ class Start(NamedTuple):
     """
 
     position: float
-    pressures: Pair
+    pressures: PerMuscle
     settings: ControlSettings
     gains: PidGains
     adapts: bool

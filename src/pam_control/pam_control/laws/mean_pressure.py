@@ -19,7 +19,7 @@ from pam_control.declared import Declared
 from pam_control.feedback.linear_joint import LoopStructure
 from pam_control.feedback.margins import LoopCase
 from pam_control.feedback.operating_points import POSITION_SHARES
-from pam_control.joint_models import JointModels, Pair
+from pam_control.joint_models import JointModels, PerMuscle
 from pam_control.limited import limited
 from pam_model.views.linearised_joint import operating_point
 
@@ -51,7 +51,7 @@ def ratio_for_torque(
 
     def excess(u: float) -> float:
         pressures = (mean * (1.0 + u), mean * (1.0 - u))
-        return models.model.torque(*pressures, position) - torque
+        return models.model.torque(pressures, position) - torque
 
     low, high = -1.0, 1.0
     if excess(low) > 0.0 or excess(high) < 0.0:
@@ -108,7 +108,7 @@ def loop_cases(models: JointModels, mean: float, structure: LoopStructure) -> li
 
 
 def begin_mean(
-    models: JointModels, position: float, pressures: Pair, goal: float
+    models: JointModels, position: float, pressures: PerMuscle, goal: float
 ) -> MeanPressureState:
     """Start from the mean of two pressures at a position.
 
@@ -145,17 +145,19 @@ def next_mean(
     return state.balance * change, MeanPressureState(state.mean + change, state.balance)
 
 
-def told(models: JointModels, request: PlanRequest, pressures: Pair, clipped: bool) -> LawTelemetry:
+def told(
+    models: JointModels, request: PlanRequest, pressures: PerMuscle, clipped: bool
+) -> LawTelemetry:
     """Torque and stiffness that the desired pressures [Pa] give."""
     position = models.inside(request.motion.position)
-    torque = models.model.torque(*pressures, position)
-    stiffness = models.model.stiffness(*pressures, position)
+    torque = models.model.torque(pressures, position)
+    stiffness = models.model.stiffness(pressures, position)
     names = ("torque",) if clipped else ()
     return LawTelemetry(torque, stiffness, torque, stiffness, stiffness, clipped=names)
 
 
 def difference_per_mean(
-    models: JointModels, position: float, pressures: Pair, goal: float
+    models: JointModels, position: float, pressures: PerMuscle, goal: float
 ) -> float:
     """Change of half the difference per change of the mean on a way that keeps the torque.
 
@@ -179,7 +181,7 @@ def difference_per_mean(
         From -1 to 1; 0 if no difference gives this torque at the new mean.
     """
     angle = models.inside(position)
-    torque = models.model.torque(*pressures, angle)
+    torque = models.model.torque(pressures, angle)
     ratio = ratio_for_torque(models, angle, goal, torque)
     rise = goal - 0.5 * (pressures[0] + pressures[1])
     if ratio is None or rise == 0.0:
@@ -189,5 +191,5 @@ def difference_per_mean(
 
 def widest_difference(models: JointModels, mean: float) -> float:
     """Largest half difference of the pressures at this mean [Pa]."""
-    highest = min(models.model.agonist.high_pressure, models.model.antagonist.high_pressure)
+    highest = min(muscle.high_pressure for muscle in models.model.muscles)
     return min(mean, max(highest - mean, 0.0))

@@ -54,6 +54,7 @@ from pam_control.rows.plan_rows import (
     W_DESIRED,
     W_HIGH,
     W_LAGGING,
+    W_LINE,
     W_LOW,
     W_MOST,
     W_PLANNED,
@@ -112,6 +113,7 @@ from pam_control.rows.plan_rows import (
     Y_SINCE_ESTIMATE,
     Y_STIFFNESS,
 )
+from pam_model.joints.muscle_inverse import L_PRESSURE
 from pam_model.plant.compiled import entry_point
 from pam_model.plant.composition import dry_friction
 from pam_model.views.joint_rows import (
@@ -137,11 +139,12 @@ def inside(j: Any, position: float) -> float:
 
 def reach(c: Any, j: Any, w: Any, x: Any, table: Any) -> None:
     """Find the pressures for what is asked for, of muscles in closed form."""
-    a, b, torque, stiffness, cut, soft = pressures_for(
-        c, table, inside(j, x[X_ASKED_POSITION]), x[X_ASKED_TORQUE], x[X_ASKED_STIFFNESS],
-        w[0][W_LOW], w[0][W_HIGH], w[1][W_LOW], w[1][W_HIGH],
+    torque, stiffness, cut, soft = pressures_for(
+        c, table, w, W_LINE, W_LOW, W_HIGH,
+        inside(j, x[X_ASKED_POSITION]), x[X_ASKED_TORQUE], x[X_ASKED_STIFFNESS],
     )  # fmt: skip
-    w[0][W_REACHED], w[1][W_REACHED] = a, b
+    for k in range(len(w)):
+        w[k][W_REACHED] = w[k][W_LINE + L_PRESSURE]
     x[X_REACHED_TORQUE], x[X_REACHED_STIFFNESS] = torque, stiffness
     x[X_TORQUE_LIMITED], x[X_STIFFNESS_LIMITED] = 1.0 if cut else 0.0, 1.0 if soft else 0.0
 
@@ -204,11 +207,11 @@ def observe(
 def measured_torques(c: Any, s: Any, w: Any, x: Any, table: Any) -> None:
     """The torques of muscles in closed form at the measured pressures."""
     if x[X_OBSERVER] > 0.0:
-        x[X_TORQUE_SEEN] = muscles_torque(c, table, w, W_AT_SEEN, x[X_INSIDE])
+        x[X_TORQUE_SEEN] = muscles_torque(c, table, w, W_LINE, W_AT_SEEN, x[X_INSIDE])
     if s[S_ADAPTS] > 0.0:
         place = x[X_LAGGING_INSIDE]
-        x[X_TORQUE_LAGGING] = muscles_torque(c, table, w, W_LAGGING, place)
-        x[X_TORQUE_BEFORE] = muscles_torque(c, table, w, W_BEFORE, place)
+        x[X_TORQUE_LAGGING] = muscles_torque(c, table, w, W_LINE, W_LAGGING, place)
+        x[X_TORQUE_BEFORE] = muscles_torque(c, table, w, W_LINE, W_BEFORE, place)
 
 
 def ask_ahead(c: Any, w: Any, x: Any, y: Any) -> None:
@@ -257,7 +260,7 @@ def plan_now(
         x[X_UNEXPLAINED] = muscles + known - model
         is_due = take_torque(
             a, x[X_FRESH], x[X_UNEXPLAINED], (muscles - x[X_TORQUE_BEFORE]) / RATE_SPAN,
-            position, speed, s[S_SPEED_FILTER],
+            position, speed, s[S_SPEED_FILTER], planned_at(plans, ends, x[X_SEEN], P_STIFFNESS),
         )  # fmt: skip
         x[X_BESIDE] = known - model + gravity(c, position)
         y[Y_SINCE_ESTIMATE] += max(x[X_FRESH], 0.0)

@@ -15,10 +15,11 @@ import numpy as np
 
 from pam_control.adaptation.stiffness_estimate import StiffnessEstimate
 from pam_control.adaptation.torque_adaptation import TorqueAdaptation
+from pam_control.adaptation.varied_joint import JointOfRig
 from pam_control.compensation.history_torque import begin_history
 from pam_control.feedback.disturbance_observer import begin_observer
 from pam_control.feedback.stuck_integral import begin_sticking
-from pam_control.joint_models import PRESSURE_SHARE, JointModels, Pair
+from pam_control.joint_models import PRESSURE_SHARE, JointModels
 from pam_control.laws.position_plan import AHEAD, AIM, NOW, OBSERVE, REACHED, plan_parts
 from pam_control.learning.motion_learner import MotionLearner
 from pam_control.limited import limited
@@ -49,6 +50,7 @@ from pam_control.rows.plan_rows import (
     W_BEFORE,
     W_HIGH,
     W_LAGGING,
+    W_LINE,
     W_LOW,
     W_MOST,
     W_REACHED,
@@ -83,6 +85,7 @@ from pam_control.rows.plan_rows import (
 )
 from pam_control.settings import ControlSettings
 from pam_model.effects.slots import PullState
+from pam_model.joints.muscle_inverse import L_RATIO
 from pam_model.plant.compiled import for_kernel, prepare
 from pam_model.plant.layout import N_MUSCLE_STATES
 from pam_model.views.joint_numbers import is_closed_form, joint_numbers
@@ -111,8 +114,7 @@ class Estimates:
         return cls(
             TorqueAdaptation(y, a, inertia, damping, models.scale.torque, models.turn),
             StiffnessEstimate(
-                robot.rig,
-                robot.rig.joints[joint.place],
+                JointOfRig(robot.rig, robot.rig.joints[joint.place]),
                 models.model,
                 dynamics,
                 models.scale.torque,
@@ -249,22 +251,20 @@ class PositionRows:
         if x[X_IS_DUE] > 0.0:
             x[X_LEARNT] = estimates.adaptation.update()
 
-    def column(self, place: int, column: int) -> Pair:
+    def column(self, place: int, column: int) -> tuple[float, ...]:
         """A column of the rows of a joint's muscles, such as `W_PRESSURE`."""
-        first, second = self.w[place]
-        return float(first[column]), float(second[column])
+        return tuple(float(muscle[column]) for muscle in self.w[place])
 
     def _measured_torques(self, place: int) -> None:
         x, s, model = self.x[place], self.s[place], self._joints[place].model
         if s[S_FEEDFORWARD] == 0.0:
             return
         if x[X_OBSERVER] > 0.0:
-            pair = self.column(place, W_AT_SEEN)
-            x[X_TORQUE_SEEN] = model.torque(*pair, float(x[X_INSIDE]))
+            x[X_TORQUE_SEEN] = model.torque(self.column(place, W_AT_SEEN), float(x[X_INSIDE]))
         if s[S_ADAPTS] > 0.0:
-            pairs = self.column(place, W_LAGGING), self.column(place, W_BEFORE)
+            both = self.column(place, W_LAGGING), self.column(place, W_BEFORE)
             x[X_TORQUE_LAGGING], x[X_TORQUE_BEFORE] = model.torques(
-                pairs, float(x[X_LAGGING_INSIDE])
+                both, float(x[X_LAGGING_INSIDE])
             )
 
     def _reach(self, place: int) -> None:
@@ -272,7 +272,8 @@ class PositionRows:
         found = self._joints[place].model.pressures_for(
             float(x[X_ASKED_TORQUE]), float(x[X_ASKED_STIFFNESS]), float(x[X_ASKED_POSITION])
         )
-        w[0][W_REACHED], w[1][W_REACHED] = found.agonist, found.antagonist
+        for muscle, pressure in zip(w, found.pressures, strict=True):
+            muscle[W_REACHED] = pressure
         x[X_REACHED_TORQUE], x[X_REACHED_STIFFNESS] = found.torque, found.stiffness
         x[X_TORQUE_LIMITED] = float(found.torque_limited)
         x[X_STIFFNESS_LIMITED] = float(found.stiffness_limited)
@@ -303,10 +304,11 @@ def _numbers(models: JointModels, c: Any) -> list[float]:
 
 def _muscles(models: JointModels) -> list[list[float]]:
     """The rows `W_LOW` and its like of the muscles of a joint."""
-    rows, statics = [], (models.model.agonist, models.model.antagonist)
-    for muscle, one in zip(models.muscles, statics, strict=True):
+    rows, statics = [], models.model
+    for muscle, one, ratio in zip(models.muscles, statics.muscles, statics.ratios, strict=True):
         row = [0.0] * N_MUSCLE
         row[W_LOW], row[W_HIGH] = one.low_pressure, one.high_pressure
+        row[W_LINE + L_RATIO] = ratio
         row[W_MOST] = PRESSURE_SHARE * muscle.max_pressure
         rows.append(row)
     return rows

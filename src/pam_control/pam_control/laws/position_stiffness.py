@@ -166,8 +166,8 @@ class PositionStiffness(Law[PositionStiffnessState]):
     ) -> tuple[float, PositionStiffnessState]:
         """Begin with the stiffness and the torque that the joint has."""
         position, settings = models.inside(start.position), start.settings
-        state.y[Y_STIFFNESS] = models.model.stiffness(*start.pressures, position)
-        torque = models.model.torque(*start.pressures, position)
+        state.y[Y_STIFFNESS] = models.model.stiffness(start.pressures, position)
+        torque = models.model.torque(start.pressures, position)
         if settings.feedforward:
             torque -= models.dynamics.gravity(position)
             if start.adapts:
@@ -193,7 +193,7 @@ class PositionStiffness(Law[PositionStiffnessState]):
             planned = models.torque(start.reference) - added
             position = start.reference.position
             lost = float(state.y[Y_LOST]) if start.gains.observer > 0.0 else 0.0
-        torque = models.model.torque(*start.pressures, models.inside(position))
+        torque = models.model.torque(start.pressures, models.inside(position))
         plans.clear(place)
         return torque - planned - lost, state
 
@@ -313,8 +313,6 @@ def _corrected(
     # at one place, so that the correction does not change along a motion
     middle = 0.5 * sum(models.joint.position_limits)
     there = models.model.pressures_for(models.dynamics.gravity(middle), stiffness, middle)
-    goal = state.estimates.stiffness.factor(
-        (there.agonist, there.antagonist), middle, correction.goal
-    )
+    goal = state.estimates.stiffness.factor(there.pressures, middle, correction.goal)
     factor = correction.factor + CORRECTED_SHARE * (goal - correction.factor)
     return StiffnessCorrection(goal, factor, acts_at)

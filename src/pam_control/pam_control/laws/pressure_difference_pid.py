@@ -27,7 +27,7 @@ import numpy as np
 from pam_control.control_step import PlanRequest, PressurePlan
 from pam_control.feedback.linear_joint import LoopStructure
 from pam_control.feedback.margins import LoopCase
-from pam_control.joint_models import JointModels, Pair
+from pam_control.joint_models import JointModels, PerMuscle
 from pam_control.laws.law import Law, Start
 from pam_control.laws.mean_pressure import (
     MEAN_PRESSURE,
@@ -195,7 +195,7 @@ class PressureDifferencePid(Law[MeanPressureState]):
         pressures = (mean + difference, mean - difference)
         ahead, rate = feedforward.at(then) - feedforward.at(now), feedforward.rate(then)
         speed = request.motion.velocity
-        measured: Pair = (speed, speed)
+        measured: PerMuscle = (speed, speed)
         plan = PressurePlan(
             pressures,
             (rate, -rate),

@@ -167,12 +167,14 @@ class Torque(Law[TorqueState]):
             yields=True,
             driven=True,
         )
-        first, second = then.agonist - reached.agonist, then.antagonist - reached.antagonist
+        changes = tuple(
+            later - now for later, now in zip(then.pressures, reached.pressures, strict=True)
+        )
         plan = PressurePlan(
-            (reached.agonist, reached.antagonist),
-            (first / ahead, second / ahead),
-            (first, second),
-            (motion.velocity, motion.velocity),
+            reached.pressures,
+            tuple(each / ahead for each in changes),
+            changes,
+            (motion.velocity,) * len(changes),
             0.0,
             0.0,
             telemetry,
@@ -195,7 +197,7 @@ def _limited(models: JointModels, request: PlanRequest, torque: float) -> float:
     position, speed, _ = request.motion
     needed = dynamics.static_torque(position, speed)
     needed += dynamics.moving_torque(speed, 0.0) + models.dry_friction.torque(speed)
-    muscles = models.model.torque(*request.pressures, models.inside(position))
+    muscles = models.model.torque(request.pressures, models.inside(position))
     push = dynamics.acceleration(muscles - needed)
     soon = speed + push * REACTION
     rest = limits.rest(JointReference(position + speed * REACTION, soon, push))

@@ -13,7 +13,7 @@ import numpy as np
 
 from pam_model.plant.compiled import for_kernel
 from pam_model.robot import Robot
-from pam_model.views.joint_numbers import SIDES
+from pam_model.views.joint_numbers import constants_of
 
 O_JOINT, O_NUMBERS = range(2)
 """Of a muscle: the row of its joint, and where its constants begin in those of this joint."""
@@ -44,6 +44,6 @@ class MuscleTable:
         owned = [[places.index(place) for place in joint.muscles] for joint in robot.joints]
         owners = np.zeros((len(places), 2), dtype=np.int64)
         for joint, rows in enumerate(owned):
-            for numbers, row in zip(SIDES, rows, strict=True):
-                owners[row] = joint, numbers
+            for number, row in enumerate(rows):
+                owners[row] = joint, constants_of(number)
         return cls(places, for_kernel(owners), for_kernel(np.array(owned, dtype=np.int64)))

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Final
 
+from pam_model.joints.muscle_inverse import N_LINE
+
 N_MEMORY: Final = 7
 """Of `motion_functions`: the last position, four slip elements, two relaxed positions."""
 
@@ -22,7 +24,9 @@ W_ACTS: Final = 6
 """A time [s], when the valve acts, and the reference at that time, as `X_SEEN`."""
 (W_AT_SEEN, W_LAGGING, W_BEFORE, W_PLANNED, W_REACHED, W_SHOWN, W_SHIFT, W_REFERENCE, W_RATE,
  W_AHEAD, W_SPEED) = range(10, 21)  # fmt: skip
-N_MUSCLE: Final = 21
+W_LINE: Final = 21
+"""What the inverse needs of the muscle, with its arm over the radius (`muscle_inverse.L_*`)."""
+N_MUSCLE: Final = W_LINE + N_LINE
 """Range of the pressure, and the most that is asked for [Pa]; time until the valve acts by the rig
 file [s]; measured and desired pressure [Pa]."""
 
@@ -52,9 +56,10 @@ N_CYCLE: Final = 48
 N_PLAN: Final = 20
 
 # state and filters of what is learnt of the torque
-N_SAMPLE: Final = 11
-"""Unexplained torque, 1, q, q^3, the elements of `motion_functions`, rate of the torque."""
-N_FUNCTIONS: Final = 12
+N_SAMPLE: Final = 12
+"""Unexplained torque, 1, q, q^3, the elements of `motion_functions`, rate of the torque, and
+stiffness."""
+N_FUNCTIONS: Final = 13
 (A_BEGUN, A_SINCE, A_DELAY, A_WANTED_DELAY, A_KNOWS, A_FRICTION, A_SPEED_ONCE, A_SPEED_TWICE,
  A_SPEED_BEFORE) = range(9)  # fmt: skip
 A_WEIGHTS: Final = 9

@@ -6,6 +6,7 @@ is read with no more than it refers to, and those that can be read make up the f
 
 from __future__ import annotations
 
+import logging
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
@@ -20,6 +21,7 @@ from pam_driver.boards.frame_errors import DbcError
 from pam_driver.boards.maker_file import read_maker_file
 from pam_ros.foreign_text import shown
 
+logging.getLogger("cantools").setLevel(logging.ERROR)  # what it warns of is a flaw here
 # ISO 15765-2 carries up to 4095 bytes in several frames; cantools needs for ever for a typing
 # mistake of some more digits.
 _LONGEST: Final = 4096
@@ -33,6 +35,8 @@ _WORDS: Final = (
     "|BU_BO_REL_|BU_|BS_|NS_DESC_|NS_|CAT_DEF_|CAT_|FILTER|VERSION"
 )
 _BEGIN: Final = re.compile(rf"[ \t]*({_WORDS})(?![A-Za-z0-9_])(.*)")
+_STANDARD, _EXTENDED, _FLAG = 0x7FF, 0x1FFF_FFFF, 1 << 31
+"""The largest identifiers of 11 and 29 bits, and what is added to the latter in a DBC file."""
 _MESSAGE: Final = re.compile(r"\s*BO_\s+(\S+)\s+(\w+)")
 _SIGNAL: Final = re.compile(r"\s*SG_\s+(\w+)")
 _REFERENCE: Final = re.compile(r'\s*\w+\s+(?:"[^"]*"\s*)?(?:SG_\s+|BO_\s+)?(\d+)\b\s*(\w+)?')
@@ -209,7 +213,14 @@ def _twice(
     statements: Iterable[_Statement], lines: dict[tuple[str, str], int]
 ) -> Iterator[DbcFlaw]:
     """Messages and signals that are described twice; `lines` gets where each begins."""
+    frames: dict[int, _Statement] = {}
     for one in statements:
+        if one.kind == "BO_" and one.frame is not None:
+            other = frames.setdefault(one.frame, one)
+            if other.message != one.message:
+                text = f"identifier {one.frame} is that of message {shown(other.message)} in line "
+                both = frozenset({one.message, other.message})
+                yield DbcFlaw(one.line, f"{text}{other.line}", both)
         if one.kind not in {"BO_", "SG_"} or (one.kind == "SG_" and not one.signal):
             continue
         first = lines.setdefault((one.message, one.signal), one.line)
@@ -223,6 +234,12 @@ def _twice(
 def _absurd(statement: _Statement) -> str:
     """What is wrong with the size of something; empty if nothing is."""
     if statement.kind == "BO_":
+        number = statement.frame
+        if number is not None and _STANDARD < number <= _EXTENDED:
+            return (
+                f"identifier {number} has more than 11 bits; one of 29 bits is written with "
+                f"{_FLAG} added, as {number + _FLAG}"
+            )
         for name, length in _LENGTH.findall(statement.text):
             if _exceeds(length, _LONGEST):
                 return f"message {name} has {shown(length)[1:-1]} bytes, which no frame has"

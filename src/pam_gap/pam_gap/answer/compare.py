@@ -259,7 +259,8 @@ def _changes(answers: tuple[Answer, ...], rows: Sequence[Row]) -> list[str]:
         where = f"{letter(place + 1)}: " if len(answers) > 2 else ""
         verdict = answer.content["verdict"]
         if verdict != first:
-            said.append(f"{where}the verdict changed from “{first}” to “{verdict}”.")
+            the = "the" if where else "The"
+            said.append(f"{where}{the} verdict changed from “{first}” to “{verdict}”.")
         changed: dict[str, dict[str, Difference]] = {}
         for row in rows:
             if row.differences[place].sure:

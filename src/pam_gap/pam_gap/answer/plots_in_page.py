@@ -17,7 +17,8 @@ NARROW: Final = 4.2
 """Width of a plot for a phone [in]."""
 _ELEMENT: Final = (
     '<picture><source media="(max-width: 700px)" srcset="data:image/svg+xml;base64,{narrow}">'
-    '<img alt="{alt}" src="data:image/svg+xml;base64,{wide}"></picture>'
+    '<img style="max-width:100%;height:auto" alt="{alt}" '
+    'src="data:image/svg+xml;base64,{wide}"></picture>'
 )
 
 

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import jinja2
 import matplotlib as mpl
@@ -36,6 +36,7 @@ from pam_gap.answer.report_words import (
 )
 from pam_gap.answer.traces import RETUNED, WITH_ANSWER, Trace, draw
 from pam_gap.answer.user_units import percent, spoken, told
+from pam_gap.inference.probabilities import NONE, UNKNOWN
 from pam_model.effects import EFFECTS
 from pam_ros.missing_packages import what_to_install
 
@@ -65,6 +66,8 @@ class ReportData:
     facts: Mapping[str, str] = field(default_factory=dict)
 
 
+HINT: Final = 0.3
+"""Probability from which the first lines of the page name a cause that is not in the answer."""
 _PAGE = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
@@ -73,7 +76,8 @@ _PAGE = """<!doctype html>
 {{ style | safe }}</style></head><body><main>
 <h1>{{ d.title }}</h1>
 <div class="verdict" style="--verdict: {{ colour }}"><b>{{ word }}</b>{{ d.headline }}
-{% if stated %}<small>Probability: {{ stated }}</small>{% endif %}</div>
+{% if stated %}<small>Probability: {{ stated }}{% if rivals %}; not named, but possible:
+{{ rivals }}{% endif %}</small>{% endif %}</div>
 
 {% if drawn %}<figure class="plot" aria-label="Error of the prediction of
 {{ first.channel }} over the whole recording: {{ headline_words }}">
@@ -88,7 +92,8 @@ curve.</figcaption>
 {% if diagnosis.get('preferred') %}<p>{{ diagnosis.preferred }}</p>{% endif %}
 {% if leftover %}<p><b>What is left.</b> {{ leftover }}</p>{% endif %}
 <p><b>What to record next.</b>
-{{ diagnosis.next_experiment or 'This verdict needs no further experiment.' }}</p>
+{{ diagnosis.next_experiment or ('Nothing is proposed for a cause that is named.' if rivals else
+'This verdict needs no further experiment.') }}</p>
 {% if d.improved_rig %}<p><b>What to use.</b> The
 {{ 'improved' if diagnosis.effects else 're-tuned' }} rig file is
 <code>{{ d.improved_rig }}</code>. Simulation, model node and controller can read it in place of
@@ -102,9 +107,9 @@ within their tolerance.{% endif %}</p>{% endif %}
 <td class="bar"><span style="width: {{ '%.1f' % p.width }}%"></span></td></tr>
 {% endfor %}</table></div>
 <p class="quiet">The probability of a cause, alone or together with others; a rig may have several
-causes, so that the sum can exceed 100 %. &ldquo;Unknown&rdquo; is a cause that is not in the table
-of effects; &ldquo;none&rdquo; is an ordinary good rig. How far such numbers can be trusted was
-measured on simulated rigs.</p>
+causes, so that the sum can exceed 100&nbsp;%. &ldquo;Unknown&rdquo; is a cause that is not in the
+table of effects; &ldquo;none&rdquo; is an ordinary good rig. How far such numbers can be trusted
+was measured on simulated rigs.</p>
 <details><summary>Which sets of causes these probabilities come from</summary>
 <div class="wide" tabindex="0"><table>
 <tr><th>exactly these causes</th><th class="n">share</th></tr>
@@ -305,6 +310,11 @@ def render(data: ReportData) -> str:
             f"{spoken(effect)} {percent(p)}"
             for effect, p in marginals(probabilities)
             if effect in named
+        ),
+        rivals=", ".join(
+            f"{spoken(effect)} {percent(p)}"
+            for effect, p in marginals(probabilities)
+            if named and p >= HINT and effect not in {*named, NONE, UNKNOWN}
         ),
         closed=closed_words(diagnosis.get("closed")) if named else "",
         drawn=drawn,

@@ -129,11 +129,11 @@ def draw_ranking(
     axis.set_xscale("log")
     axis.axvline(1.0, color="0.7", lw=1)
     words = (
-        "share of the gap that remains on held-out data, with 90 % interval",
-        "(1: the whole gap of the re-tuned rig file; above 1: worse than without the effect)",
+        "share of the gap that remains on held-out data [%], with 90 % interval",
+        "(100 %: the whole gap of the re-tuned rig file; above: worse than without the effect)",
     )
     _name_axis(figure, axis, width, words)
-    _ticks(axis, log_ticks(*axis.get_xlim()), width)
+    _ticks(axis, log_ticks(*axis.get_xlim()), width, factor=100.0)
     axis.grid(axis="x", color="0.9")
     return figure
 
@@ -170,13 +170,13 @@ def log_ticks(low: float, high: float) -> list[float]:
     return inside if len(inside) > 1 else [10.0**first, 10.0 ** max(last, first + 1)]
 
 
-def _ticks(axis: Axes, ticks: Sequence[float], width: float) -> None:
+def _ticks(axis: Axes, ticks: Sequence[float], width: float, factor: float = 1.0) -> None:
     """Plain numbers at these places of the x axis alone, which reaches to the outermost of them."""
     low, high = axis.get_xlim()
     every = -(-len(ticks) // MOST_NARROW) if is_narrow(width) else 1
     kept = ticks[(len(ticks) - 1) % every :: every]  # the last one among them
     ticks = kept if len(kept) > 1 else ticks
-    axis.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+    axis.set_xticks(ticks, [f"{factor * tick:g}" for tick in ticks])
     axis.set_xticks([], minor=True)
     axis.set_xlim(min(low, ticks[0]), max(high, ticks[-1]))
 

@@ -40,7 +40,11 @@ def ranking_words(ranking: Sequence[RankedCandidate]) -> str:
         for entry in ranking[:2]
     ]
     lead = told_names[0][:1].upper() + told_names[0][1:]
-    return f"{lead}; the next candidate, {told_names[1]}." if len(told_names) > 1 else f"{lead}."
+    return (
+        f"{lead}; the next candidate, {told_names[1].replace(' leaves', ', leaves', 1)}."
+        if len(told_names) > 1
+        else f"{lead}."
+    )
 
 
 def shrinkage_words(gap: Mapping[str, Mapping[str, Any]], answer: str) -> str:

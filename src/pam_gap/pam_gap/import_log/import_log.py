@@ -19,6 +19,7 @@ from pam_gap.diagnose_recordings import (
     subjects_to_diagnose,
     what_is_missing,
 )
+from pam_gap.import_log.column_name import with_another_unit
 from pam_gap.import_log.preview_page import Preview, conversion, render
 from pam_gap.import_log.propose_map import Proposed, map_text, propose, wanted_channels
 from pam_gap.prediction.bench_joint import bench_muscles
@@ -29,13 +30,22 @@ from pam_gap.recordings.column_map import ColumnMap, load_column_map
 from pam_gap.recordings.computed_channels import without_computed
 from pam_gap.recordings.import_csv import is_table, read_columns
 from pam_gap.recordings.import_recording import is_bag, read_raw
-from pam_gap.recordings.recording import Array, RawRecording, Recording, RecordingError, resample
+from pam_gap.recordings.recording import (
+    MUSCLES,
+    Array,
+    RawRecording,
+    Recording,
+    RecordingError,
+    resample,
+)
 from pam_gap.recordings.text_table import Table
 from pam_model.command_line import Arguments, Outcome
 from pam_model.errors import PamError
 from pam_model.rig import Rig, load_rig
 from pam_ros.foreign_text import all_shown, shown
 
+_MOST = 12
+"""Repairs that the terminal shows; the page shows all."""
 MAP, PAGE, TABLE = "map.yaml", "preview.html", "recording.parquet"
 Ask = Callable[[str], str]
 
@@ -131,10 +141,17 @@ def _why_none(table: Table, rig: Rig, place: Path) -> str:
     """Why nothing is proposed, and what to do."""
     if not (rig.joints or bench_muscles(rig)):
         return NO_JOINT
+    strange = with_another_unit(table.columns, table.units)
+    of_unit = (
+        f"; {all_shown(strange)}: in a unit that no channel has, or in steps of a converter, which "
+        "the map can convert (`scale`, `offset`)"
+        if strange
+        else ""
+    )
     return (
         f"none of {all_shown(table.columns) or 'its columns, of which there are none,'} looks like "
-        f"a pressure, position or command of the rig file{_of_text(table)}; name the columns in "
-        f"{place} and give it with --map"
+        f"a pressure, position or command of the rig file{_of_text(table)}{of_unit}; name the "
+        f"columns in {place} and give it with --map"
     )
 
 
@@ -249,6 +266,13 @@ def run(given: Arguments) -> Outcome:
     for channel, entry in preview.column_map.channels.items():
         made_of = " + ".join(map(shown, entry.columns))
         print(f"{channel}: {f'{made_of} {conversion(entry, channel)}'.strip()}")
+    if preview.unused:
+        print(f"columns that are not used: {all_shown(preview.unused)}")
+    for text in preview.missing:
+        if not text.startswith(MUSCLES):  # few robots have load cells
+            print(f"missing: {text}")
+    for text in preview.recording.repairs[:_MOST] if preview.recording else ():
+        print(f"note: {text}")
     for text in preview.damage:
         print(f"warning: {text}", file=sys.stderr)
     for text in preview.problems:

@@ -56,6 +56,12 @@ class Preview:
     damage: Sequence[str] = ()
     no_verdict: Sequence[str] = ()
 
+    @property
+    def unused(self) -> list[str]:
+        """The columns with numbers that the map does not use."""
+        used = self.column_map.columns
+        return [name for name in self.columns if name not in used]
+
 
 _PAGE = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8">
@@ -152,7 +158,7 @@ def _plots(recording: Recording) -> tuple[str, list[dict[str, str]]]:
 
 def render(preview: Preview) -> str:
     """Return the page as text."""
-    recording, used = preview.recording, preview.column_map.columns
+    recording = preview.recording
     script, plots, no_plots = "", list[dict[str, str]](), ""
     try:
         script, plots = _plots(recording) if recording is not None else ("", [])
@@ -160,7 +166,7 @@ def render(preview: Preview) -> str:
         no_plots = what_to_install(error) or ""
         if not no_plots:
             raise
-    unused = [(shown(name), *size) for name, size in preview.columns.items() if name not in used]
+    unused = [(shown(name), *preview.columns[name]) for name in preview.unused]
     summary = ""
     if recording is not None:
         summary = (

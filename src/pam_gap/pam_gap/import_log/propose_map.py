@@ -7,7 +7,6 @@ proposal is a draft of a map file: the user confirms or corrects it.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
@@ -15,27 +14,15 @@ from typing import Any, Final
 import numpy as np
 import yaml
 
+from pam_gap.import_log.column_name import WORDS, ColumnName, words_of
 from pam_gap.prediction.bench_joint import bench_muscles
 from pam_gap.recordings.column_map import unit_of
 from pam_gap.recordings.import_rosbag import ESTIMATES, GROUND_TRUTH
+from pam_gap.recordings.plausible_units import LONGEST_STEP, SHORTEST_STEP
 from pam_gap.recordings.recording import COMMANDS, JOINTS, MUSCLES, PRESSURES, SUPPLY, Array
-from pam_gap.recordings.table_layout import unit_spelt
 from pam_model.rig import Rig
 from pam_model.unit_hints import RECORDED, units_that_fit
 
-_WORDS: Final[Mapping[str, frozenset[str]]] = {
-    kind: frozenset(words.split())
-    for kind, words in {
-        "time": "time t stamp timestamp ts seconds sec elapsed zeit",
-        PRESSURES: "pressure pressures press p pres druck",
-        COMMANDS: "command commands cmd valve u input action",
-        ".position": "angle position pos q theta phi joint encoder",
-        "length": "length len position pos displacement distance stroke laser x",
-        ".effort": "force load cell effort torque f",
-        SUPPLY: "supply tank source",
-    }.items()
-}
-"""Words that suggest a kind of channel."""
 _ASKED: Final = frozenset(
     [
         "command",
@@ -76,16 +63,13 @@ _SIDES: Final = (
     frozenset(["ant", "antago", "antagonist", "antag"]),
 )
 """What the first and the second muscle of a joint are called without their names."""
-_UNIT_WORDS: Final = {
-    "deg": "deg", "degree": "deg", "degrees": "deg", "mrad": "mrad", "bar": "bar", "kpa": "kPa",
-    "mpa": "MPa", "psi": "psi", "mbar": "mbar", "ms": "ms", "us": "us", "ns": "ns", "mm": "mm",
-    "cm": "cm", "kn": "kN", "mn": "mN", "percent": "per cent",
-}  # fmt: skip
 _FRACTIONS: Final = {"ms": 1e-3, "msec": 1e-3, "us": 1e-6, "usec": 1e-6, "ns": 1e-9, "nsec": 1e-9}
 """Columns that hold the rest of a time of day in whole seconds, and their unit [s]."""
 _DAY: Final = 86400.0
 _KIND, _OWNER, _NUMBER = 2.0, 3.0, 1.5
 """What a word of the kind, a word of the muscle or joint, and the right number count."""
+_TOLD_BY_UNIT: Final = (PRESSURES, ".position")
+"""Kinds of channel that a unit suggests where no word does."""
 _OWN_NAME: Final = 100.0
 """What the name of this suite counts, less one for each that is better."""
 _LEAST_OWN: Final = 90.0
@@ -103,12 +87,15 @@ class Proposed:
         Its unit; empty for that of the rig contract.
     more : tuple of (str, float)
         Columns that are added, with their weights, for a time in several columns.
+    absolute : bool
+        Whether its unit says that it is an absolute pressure.
     """
 
     channel: str
     column: str
     unit: str = ""
     more: tuple[tuple[str, float], ...] = ()
+    absolute: bool = False
 
 
 def wanted_channels(rig: Rig) -> list[str]:
@@ -122,12 +109,6 @@ def wanted_channels(rig: Rig) -> list[str]:
         *(f"{MUSCLES}{muscle}.effort" for muscle in muscles),
         SUPPLY,
     ]
-
-
-def words_of(name: str) -> list[str]:
-    """The words and numbers in a name: `elbowFlexor_p1[kPa]` has elbow, flexor, p, 1, kpa."""
-    apart = re.sub(r"([a-z])([A-Z])", r"\1 \2", name)
-    return [word.lower() for word in re.findall(r"[A-Za-z]+|\d+", apart)]
 
 
 def _kind(channel: str) -> str:
@@ -173,38 +154,6 @@ def _expected(channel: str, rig: Rig) -> str:
     return unit_of(channel)
 
 
-class _Column:
-    """What the name of a column says, found once for all channels.
-
-    Attributes
-    ----------
-    name : str
-        The column.
-    words : frozenset of str
-        The words and numbers in it.
-    unit : str
-        The unit in brackets, in a word, or below the name; empty where none is stated.
-    """
-
-    def __init__(self, name: str, below: str) -> None:
-        self.name = name
-        parts = name.split(".")
-        own = [part for part in parts[:-1] if not part.isdigit()]  # a run has a number of its own
-        listed = words_of(".".join([*own, parts[-1]]))
-        self.words = frozenset(listed)
-        bracket = re.search(r"[\[(]([^\])]*)[\])]\s*$", name)
-        in_bracket = unit_spelt(bracket[1]) if bracket else None
-        whole = [word.lower() for word in re.findall(r"[A-Za-z]+", name)]  # kPa is one word
-        parts = [*listed, *whole]
-        in_words = next((_UNIT_WORDS[w] for w in reversed(parts) if w in _UNIT_WORDS), "")
-        self.unit = in_bracket or in_words or below
-
-    def is_of(self, expected: str) -> bool:
-        """Whether the stated unit, if any, is one of a quantity."""
-        known = dict(RECORDED.get(expected, ()))
-        return not self.unit or self.unit in known or self.unit == expected.split(maxsplit=1)[0]
-
-
 def _owner_score(channel: str, words: frozenset[str], rig: Rig) -> float:
     """How well the words name the muscle or joint of a channel."""
     owner = channel.partition(".")[2].partition(".")[0]
@@ -215,24 +164,26 @@ def _owner_score(channel: str, words: frozenset[str], rig: Rig) -> float:
     return _OWNER * named
 
 
-def _kind_score(kind: str, column: _Column, expected: str, owner: float) -> float:
+def _kind_score(kind: str, column: ColumnName, expected: str, owner: float) -> float:
     """How well the words name the kind of a channel; 0 where they suggest another kind."""
     words = column.words
     asked = bool(words & _ASKED)
-    quantity = words & (_WORDS[".position"] | _WORDS["time"] | _WORDS[".effort"])
+    quantity = words & (WORDS[".position"] | WORDS["time"] | WORDS[".effort"])
     if kind != COMMANDS:
-        if asked and not words & (_WORDS[COMMANDS] - _ASKED):
+        if asked and not words & (WORDS[COMMANDS] - _ASKED):
             return 0.0  # a set point is no measurement
         seen = kind == PRESSURES and words & _SEEN and (owner or column.unit)
-        return _KIND * len(words & _WORDS[kind]) + (_KIND / 2.0 if seen else 0.0)
+        named = any(words & other for other in WORDS.values())
+        by_unit = kind in _TOLD_BY_UNIT and not named and column.unit in dict(RECORDED[expected])
+        return _KIND * len(words & WORDS[kind]) + (_KIND / 2.0 if seen or by_unit else 0.0)
     if asked and quantity - {"t"}:
         return 0.0  # the reference of a joint
-    if words & _WORDS[PRESSURES] and (expected == "-" or not asked):
+    if words & WORDS[PRESSURES] and (expected == "-" or not asked):
         return 0.0  # a pressure is the command of a regulator alone
-    return _KIND * len(words & (_WORDS[COMMANDS] | _ASKED))
+    return _KIND * len(words & (WORDS[COMMANDS] | _ASKED))
 
 
-def _score(channel: str, place: int, column: _Column, rig: Rig) -> float:
+def _score(channel: str, place: int, column: ColumnName, rig: Rig) -> float:
     """How well a column fits a channel by its name and unit; 0 where it does not."""
     for rank, name in enumerate(_own_names(channel)):
         if column.name == name or (name.startswith("/") and column.name.endswith(name)):
@@ -245,18 +196,22 @@ def _score(channel: str, place: int, column: _Column, rig: Rig) -> float:
     if not kind:
         return 0.0
     others = sum(
-        len(column.words & words) for other, words in _WORDS.items() if other != _kind(channel)
+        len(column.words & words) for other, words in WORDS.items() if other != _kind(channel)
     )
-    numbered = _NUMBER * (str(place) in {word.lstrip("0") for word in column.words})
+    by_word = str(place) in {word.lstrip("0") for word in column.words}
+    numbered = _NUMBER * (by_word if column.place is None else column.place == place)
     return kind + owner + numbered - 0.5 * others
 
 
-def _unit(channel: str, column: _Column, values: Array, rig: Rig) -> str:
+def _unit(channel: str, column: ColumnName, values: Array, rig: Rig) -> str:
     """The unit that the name states, or that the size of the values suggests; empty for SI."""
     expected = _expected(channel, rig)
     if column.unit:
         return column.unit if column.unit in dict(RECORDED.get(expected, ())) else ""
-    largest = float(np.nanmax(np.abs(values), initial=0.0))
+    finite = values[np.isfinite(values)]
+    if channel == "time":
+        return _unit_of_time(finite)
+    largest = float(np.abs(finite).max(initial=0.0))
     supply = rig.supply_pressure - rig.gas.ambient_pressure
     limits = {
         "Pa gauge": (0.1 * supply, 1.1 * supply), "rad": (0.0, 6.3), "-": (0.05, 1.05),
@@ -266,6 +221,16 @@ def _unit(channel: str, column: _Column, values: Array, rig: Rig) -> str:
     if expected not in limits or limits[expected][0] <= largest <= limits[expected][1]:
         return ""
     fitting = units_that_fit(largest, expected, *limits[expected], RECORDED)
+    return fitting[0][0] if fitting else ""
+
+
+def _unit_of_time(values: Array) -> str:
+    """The unit in which a time has the steps of a logger; empty for seconds or an unknown one."""
+    steps = np.diff(np.unique(values))
+    step = float(np.median(steps)) if steps.size else 0.0
+    if SHORTEST_STEP <= step <= LONGEST_STEP:
+        return ""
+    fitting = units_that_fit(step, "s", SHORTEST_STEP, LONGEST_STEP, RECORDED)
     return fitting[0][0] if fitting else ""
 
 
@@ -326,15 +291,16 @@ def _best(
     units: Mapping[str, str] | None,
 ) -> list[Proposed]:
     """The columns that fit the channels best, each used once."""
-    read = [_Column(name, (units or {}).get(name, "")) for name in columns]
+    read = [ColumnName(name, (units or {}).get(name, ""), columns) for name in columns]
+    first = next(iter(columns), "")
     places: dict[str, int] = {}
-    scored: list[tuple[float, str, _Column]] = []
+    scored: list[tuple[float, str, ColumnName]] = []
     for channel in channels:
         kind = "time" if channel == "time" else _kind(channel)
         place = places[kind] = places.get(kind, 0) + 1
         for column in read:
             if kind == "time":
-                score = _time_score(column, columns[column.name])
+                score = _time_score(column, columns[column.name], column.name == first)
             else:
                 score = _score(channel, place, column, rig)
             if score > 0.0:
@@ -342,7 +308,7 @@ def _best(
     best = max((score for score, _, _ in scored), default=0.0)
     # In a bag of the suite, what has another name is something else.
     least = _LEAST_OWN if is_bag and best >= _LEAST_OWN else 0.0
-    found: dict[str, _Column] = {}
+    found: dict[str, ColumnName] = {}
     used: set[str] = set()
     for score, channel, column in sorted(scored, key=lambda s: -s[0]):
         if score > least and channel not in found and column.name not in used:
@@ -354,17 +320,26 @@ def _best(
             found[channel].name,
             _unit(channel, found[channel], columns[found[channel].name], rig),
             _rest_of_time(columns, found[channel].name) if channel == "time" else (),
+            found[channel].absolute and channel.startswith(PRESSURES),
         )
         for channel in channels
         if channel in found
     ]
 
 
-def _time_score(column: _Column, values: Array) -> float:
-    named = len(column.words & _WORDS["time"])
-    if not named or not column.is_of("s"):
+def _time_score(column: ColumnName, values: Array, is_first: bool) -> float:
+    """How well a column fits the time: by its name, or as the first, which rises evenly."""
+    named = len(column.words & WORDS["time"])
+    values = values[np.isfinite(values)]
+    steps = np.diff(values)
+    if not column.is_of("s") or (values.size and np.all(values % _DAY == 0.0) and values[-1]):
+        return 0.0  # a date alone is no time
+    if named:
+        return _KIND * named + float(np.all(steps >= 0.0))
+    if not is_first or steps.size < 2:
         return 0.0
-    return _KIND * named + float(np.all(np.diff(values[np.isfinite(values)]) >= 0.0))
+    is_even = bool(np.all(np.abs(steps - steps[0]) <= 0.01 * abs(steps[0])))
+    return 0.5 * (is_even and steps[0] > 0.0 and abs(steps[0] - 1.0) > 0.01)  # not row numbers
 
 
 def _rest_of_time(columns: Mapping[str, Array], time: str) -> tuple[tuple[str, float], ...]:
@@ -391,7 +366,9 @@ def map_text(proposed: list[Proposed], rate: float = 0.0) -> str:
     def entry(one: Proposed) -> Any:
         if one.more:
             return {"columns": {one.column: 1.0, **dict(one.more)}}
-        return {"column": one.column, "unit": one.unit} if one.unit else one.column
+        stated: dict[str, str | bool] = {"unit": one.unit} if one.unit else {}
+        stated |= {"absolute": True} if one.absolute else {}
+        return {"column": one.column, **stated} if stated else one.column
 
     content: dict[str, Any] = {}
     for one in proposed:

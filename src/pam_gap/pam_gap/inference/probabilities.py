@@ -94,12 +94,8 @@ def cut_off_rivals[S: Score](
 
     Parameters
     ----------
-    judge : Judge
-        The judge that took the decision.
-    nominal : Score
-        Score of the re-tuned plant without effects.
-    decision : Decision
-        The decision, with all scores.
+    judge, nominal, decision
+        As for `probabilities`.
     found : mapping
         Probability of each explanation.
     least : float

@@ -156,6 +156,18 @@ class Recording:
         return float(self.time.size * self.sample_time)
 
 
+def _refuse_one_stamp(raw: RawRecording) -> None:
+    """Refuse rows that have few different times, as where a time was written with few digits."""
+    for name, channel in raw.channels.items():
+        stamps = np.unique(channel.time[np.isfinite(channel.time)])
+        if channel.value.size >= 8 > stamps.size:
+            raise RecordingError(
+                f"{raw.source}: {name}: the time has only {stamps.size} different values in "
+                f"{channel.value.size} rows; expected one for each (was it written with too few "
+                "digits?)"
+            )
+
+
 def _clean(name: str, raw: RawChannel, repairs: list[str]) -> RawChannel:
     """Remove NaN, repeated stamps and single spikes, and sort stamps that run backwards."""
     time, value = raw.time, raw.value
@@ -351,6 +363,7 @@ def resample(raw: RawRecording, step: float | None = None) -> Recording:
         else:
             channels[name] = cleaned
     if not channels:
+        _refuse_one_stamp(raw)
         counts = [f"{n} {int(np.isfinite(c.value).sum())}" for n, c in raw.channels.items()]
         raise RecordingError(
             f"{raw.source}: no channel with at least 8 samples; numbers per channel: "

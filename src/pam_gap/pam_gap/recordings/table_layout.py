@@ -1,9 +1,9 @@
 """Where names, units and numbers stand in a table of text, and what separates its columns.
 
 Instruments write their settings before the table and the units below the names; numpy writes the
-names behind a `#`; some programs separate by blanks. The numbers are therefore found first: the
-separator is the one with which most lines are rows of equally many numbers, and the names stand
-above the first of them.
+names behind a `#`, Matlab behind a `%`; some programs separate by blanks. The numbers are therefore
+found first: the separator is the one with which most lines are rows of equally many numbers, and
+the names stand above the first of them.
 """
 
 from __future__ import annotations
@@ -27,10 +27,15 @@ _LAST: Final = 8
 _NUMBER: Final = re.compile(
     r"[-+]?\s*(\d+([.,]\d*)?|[.,]\d+)([eEdD][-+]?\d+)?\s*%?"
     r"|(\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4})([T ]+\d{1,2}:\d{2}.*)?"
-    r"|\d{1,2}:\d{2}(:\d{2}([.,:]\d+)?)?"
+    r"|\d{1,2}:\d{2}(:\d{2}([.,:]\d+)?)?( ?[aApP][mM])?"
 )
 """A number, also with its sign apart, a date, or a time of day."""
+COMMENT: Final = ("#", "%")
+"""What begins a line that is no row."""
 _NOTHING: Final = frozenset({"", "nan", "inf", "-inf", "n/a", "na", "null", "none", "-", "#n/a"})
+MINUS: Final = "\u2212\u2013"
+"""Signs that word processors write in place of a minus."""
+_MINUS: Final = str.maketrans(dict.fromkeys(MINUS, "-"))
 UNIT_SPELLINGS: Final = {
     "s": "s", "sec": "s", "ms": "ms", "msec": "ms", "us": "us", "usec": "us", "µs": "us",
     "ns": "ns", "pa": "Pa", "bar": "bar", "mbar": "mbar", "hpa": "mbar", "kpa": "kPa",
@@ -40,6 +45,9 @@ UNIT_SPELLINGS: Final = {
     "mv": "mV", "nm": "N m", "hz": "Hz", "-": "-", "1": "-", "°c": "°C", "rpm": "rpm",
 }  # fmt: skip
 """How units are written below or behind the names, without upper case, and the unit."""
+_ZERO: Final = re.compile(
+    r"(pa|bar|mbar|hpa|kpa|mpa|psi)[ _]?\(?(a|abs|abs\.|absolute|g|gauge|rel|relative)\)?"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +59,7 @@ class TableLayout:
     names : tuple of str
         A name for each column; empty where none is given.
     units : dict of str to str
-        The units that stand below the names, by name.
+        The units that stand below the names, by name, as `bar` or `bar absolute`.
     between : str or None
         What separates the columns; None for blanks.
     decimal : str
@@ -83,7 +91,8 @@ def _share(cells: Sequence[str]) -> float:
     filled = [cell for cell in cells[:_JUDGED] if cell.lower() not in _NOTHING]
     if not filled:
         return 0.0
-    return sum(_NUMBER.fullmatch(cell.strip('"')) is not None for cell in filled) / len(filled)
+    plain = [cell.strip('"').translate(_MINUS) for cell in filled]
+    return sum(_NUMBER.fullmatch(cell) is not None for cell in plain) / len(filled)
 
 
 def _first_row(rows: Rows) -> tuple[int, float]:
@@ -102,8 +111,39 @@ def _first_row(rows: Rows) -> tuple[int, float]:
 
 
 def unit_spelt(text: str) -> str | None:
-    """The unit that a text is, with or without brackets; None for another text."""
-    return UNIT_SPELLINGS.get(text.strip(" []()").lower().removeprefix("in "))
+    """The unit that a text is, with or without brackets; None for another text.
+
+    What is said of the zero of a pressure, as in `psia` or `bar (g)`, does not belong to the unit.
+    """
+    plain = _plain(text)
+    return UNIT_SPELLINGS.get(plain) or next(iter(_pressure_and_zero(plain)), None)
+
+
+def is_pressure_with_zero(text: str) -> bool:
+    """Whether a text is a unit of pressure with its zero, as `psia` or `bar(g)`."""
+    return bool(_pressure_and_zero(_plain(text)))
+
+
+def is_absolute(text: str) -> bool:
+    """Whether a text is the unit of an absolute pressure, as `psia`, `bar(abs)` or `kPa abs`."""
+    found = _pressure_and_zero(_plain(text))
+    return bool(found) and found[1].startswith("a")
+
+
+def _plain(text: str) -> str:
+    """A unit without its brackets, in lower case."""
+    return (
+        re.sub(r"^\[(.*)\]$|^\((.*)\)$", r"\1\2", text.strip())
+        .strip(" []")
+        .lower()
+        .removeprefix("in ")
+    )
+
+
+def _pressure_and_zero(plain: str) -> tuple[str, ...]:
+    """The unit of a pressure and the word for its zero; empty for another text."""
+    match = _ZERO.fullmatch(plain)
+    return (UNIT_SPELLINGS[match[1]], match[2]) if match else ()
 
 
 def _are_units(cells: Sequence[str]) -> bool:
@@ -126,7 +166,7 @@ def find_layout(lines: Sequence[str]) -> TableLayout:
         line looks like it.
     """
     told = [(k, line) for k, line in enumerate(lines) if line.strip()]
-    body = [(k, line) for k, line in told if not line.lstrip().startswith("#")]
+    body = [(k, line) for k, line in told if not line.lstrip().startswith(COMMENT)]
     if len(body) < 2:
         raise ValueError("it holds no rows below a line of names")
     best: tuple[float, int, str | None, Rows] = (0.0, -1, None, [])
@@ -147,13 +187,18 @@ def find_layout(lines: Sequence[str]) -> TableLayout:
         units, above = above, rows[place - 2][1]
     names = _fitted(above, cells, body[place - 1][1] if place and not units else "")
     if not names:
-        comments = [line.strip("# ") for k, line in told if k < first and line.lstrip()[0] == "#"]
+        above_it = [line for k, line in told if k < first and line.lstrip().startswith(COMMENT)]
+        comments = [line.strip("#% ") for line in above_it]
         comment = comments[-1] if comments else ""
         names = _fitted(_cells(comment, between), cells, comment)
     if not names:
         raise ValueError(_no_names(first, cells, body, place))
     text = [line for _, line in body[place:]]
-    kept = {n: u for n, raw in zip(names, units, strict=False) if (u := unit_spelt(raw)) and n}
+    kept = {
+        name: f"{unit} absolute" if is_absolute(raw) else unit
+        for name, raw in zip(names, units, strict=False)
+        if (unit := unit_spelt(raw)) and name
+    }
     return TableLayout(tuple(names), kept, between, decimal_mark(text, between), first)
 
 

@@ -18,7 +18,7 @@ import numpy as np
 import pandas as pd
 
 from pam_gap.recordings.recording import Array
-from pam_gap.recordings.table_layout import find_layout, refuse_doubled
+from pam_gap.recordings.table_layout import COMMENT, MINUS, find_layout, refuse_doubled
 from pam_gap.recordings.unpacked import open_unpacked
 from pam_model.table_dialect import encoding_of
 from pam_ros.foreign_text import shown
@@ -29,7 +29,9 @@ _FEWEST_LINES, _ENOUGH = 4, 1 << 20
 """So many suffice if they have so many bytes, as with 100,000 columns."""
 _LONGEST_LINE: Final = 1 << 24
 """Bytes in which a line must end."""
-_TIME_OF_DAY: Final = r"(\d{1,2}):(\d{2}):(\d{2}(?:[.,:]\d+)?)"
+_TIME_OF_DAY: Final = r"(\d{1,2}):(\d{2}):(\d{2}(?:[.,:]\d+)?)(?: ?([aApP])\.?[mM]\.?)?"
+_TWO_ORDERS: Final = rf"(\d{{1,2}})([/.])(\d{{1,2}})[/.](\d{{4}})[T ,]+{_TIME_OF_DAY}"
+"""A date with the year behind it, which begins with the month or the day."""
 _DAY: Final = 86400.0
 
 
@@ -66,7 +68,7 @@ class Table:
     texts : dict of str to Text
         What text is in columns, by name.
     units : dict of str to str
-        Units that stand below the names.
+        Units that stand below the names, as `bar` or `bar absolute`.
     remarks : list of str
         What was not read.
     """
@@ -127,7 +129,7 @@ def read_text_table(path: Path, rows: int | None = None) -> Table:
     Parameters
     ----------
     path : Path
-        The file; lines that begin with `#` are comments.
+        The file; lines that begin with `#` or `%` are comments.
     rows : int, optional
         Rows that are read; all by default.
 
@@ -144,10 +146,11 @@ def read_text_table(path: Path, rows: int | None = None) -> Table:
         warnings.simplefilter("always", pd.errors.ParserWarning)
         frame: Any = pd.read_csv(
             file, header=None, names=range(len(layout.names)), skiprows=layout.first,
-            sep=layout.between or r"\s+", decimal=layout.decimal, comment="#",
+            sep=layout.between or r"\s+", decimal=layout.decimal,
             encoding=encoding, encoding_errors="replace", skipinitialspace=True, nrows=rows,
             index_col=False, on_bad_lines="warn", low_memory=False,
         )  # fmt: skip
+    frame = _without_comments(frame)
     # a column without a name is used by nobody
     if not all(layout.names):
         frame = frame.loc[:, [bool(name) for name in layout.names]]
@@ -163,6 +166,14 @@ def read_text_table(path: Path, rows: int | None = None) -> Table:
     return table
 
 
+def _without_comments(frame: Any) -> Any:
+    """The rows that do not begin with a mark of a comment, which words such as 1.#IND contain."""
+    first = frame.iloc[:, 0]
+    if pd.api.types.is_numeric_dtype(first.dtype):
+        return frame
+    return frame.loc[~first.astype("string").str.startswith(COMMENT).fillna(False).to_numpy(bool)]
+
+
 def _numbers(column: Any, decimal: str) -> tuple[Array, Text | None, str]:
     """A column as numbers, the entries that are none, and whether it is a "date" or "clock"."""
     kind = column.dtype
@@ -174,7 +185,9 @@ def _numbers(column: Any, decimal: str) -> tuple[Array, Text | None, str]:
         return column.to_numpy(dtype=np.float64, na_value=np.nan), None, ""
     there = column.notna().to_numpy(dtype=np.bool_)
     text = column.astype("string").str.strip().fillna("")
-    written = text.str.replace(r"^([-+])\s+(?=[\d.,])", r"\1", regex=True)
+    text = text.str.replace(r"\s#.*$", "", regex=True).str.strip()  # a remark behind a row
+    written = text.str.replace(rf"^[{MINUS}]\s*(?=[\d.,])", "-", regex=True)
+    written = written.str.replace(r"^([-+])\s+(?=[\d.,])", r"\1", regex=True)
     if decimal != ".":
         written = written.str.replace(decimal, ".", regex=False)
     written = written.str.replace(r"(?<=[\d.])[dD](?=[-+]?\d+$)", "e", regex=True)  # of Fortran
@@ -192,13 +205,20 @@ def _numbers(column: Any, decimal: str) -> tuple[Array, Text | None, str]:
 def _times_of_day(text: Any) -> Array:
     """Seconds since midnight; NaN for what is no time of day."""
     parts = text.str.extract(f"^{_TIME_OF_DAY}$")
-    hours, minutes, seconds = (
-        pd.to_numeric(parts[k].str.replace("[,:]", ".", regex=True), errors="coerce").to_numpy(
+    return _seconds(*(parts[k] for k in range(4)))
+
+
+def _seconds(hours: Any, minutes: Any, seconds: Any, half: Any) -> Array:
+    """Seconds since midnight of the parts of times of day; `half` is a or p of 12 hours, or NA."""
+    h, m, s = (
+        pd.to_numeric(part.str.replace("[,:]", ".", regex=True), errors="coerce").to_numpy(
             np.float64, na_value=np.nan
         )
-        for k in range(3)
+        for part in (hours, minutes, seconds)
     )
-    values: Array = 3600.0 * hours + 60.0 * minutes + seconds
+    letter = half.str.lower().fillna("").to_numpy(dtype=str)
+    h = np.where(letter == "", h, h % 12.0 + 12.0 * (letter == "p"))
+    values: Array = 3600.0 * h + 60.0 * m + s
     return values
 
 
@@ -212,6 +232,9 @@ def _over_midnight(values: Array) -> Array:
 
 def _dates(text: Any) -> Array:
     """Seconds since 1970 of dates by ISO 8601, or with slashes or points; NaN for other text."""
+    parts = text.str.extract(f"^{_TWO_ORDERS}$")
+    if parts[0].notna().any():
+        return _dates_of_two_orders(parts)
     iso = text.str.replace(
         r"^(\d{4})[/.-](\d{1,2})[/.-](\d{1,2})(?=\D|$)",
         lambda m: f"{m[1]}-{m[2]:>02}-{m[3]:>02}", regex=True,
@@ -220,6 +243,30 @@ def _dates(text: Any) -> Array:
         lambda m: f"{m[3]}-{m[2]:>02}-{m[1]:>02}", regex=True,
     ).str.replace(r"(:\d\d:\d\d)[,:](?=\d)", r"\1.", regex=True)  # fmt: skip
     return _since_1970(pd.to_datetime(iso, errors="coerce", utc=True, format="ISO8601"))
+
+
+def _dates_of_two_orders(parts: Any) -> Array:
+    """Seconds since 1970 of dates that begin with the day, as with points, or with the month.
+
+    Of dates with slashes, both are tried; the order in which all are dates and the recording is
+    shorter is taken, and the month before the day if both are alike.
+    """
+    days = []
+    for day, month in ((0, 2), (2, 0)):
+        iso = parts[3] + "-" + parts[month].str.zfill(2) + "-" + parts[day].str.zfill(2)
+        date = pd.to_datetime(iso, errors="coerce", utc=True, format="%Y-%m-%d")
+        days.append(_since_1970(date))
+    day_first, month_first = days
+    lost = [(int(np.isnan(one).sum()), _span(one)) for one in (month_first, day_first)]
+    is_day_first = bool((parts[1] == ".").any()) or lost[1] < lost[0]
+    date_of = day_first if is_day_first else month_first
+    found: Array = date_of + _seconds(*(parts[k] for k in range(4, 8)))
+    return found
+
+
+def _span(values: Array) -> float:
+    finite = values[np.isfinite(values)]
+    return float(finite.max() - finite.min()) if finite.size else 0.0
 
 
 def _since_1970(dates: Any) -> Array:

@@ -265,11 +265,17 @@ def _load_points(path: Path, rows: list[list[str]]) -> Measurements:
     if (longest := float(np.max(np.abs(place)))) > _LARGEST_LENGTH:
         hint = conversion_hint(longest, "m", 0.0, _LARGEST_LENGTH)
         raise PamError(f"{path}: largest {position[0]} is {longest:g}; expected m{hint}")
+    force = numbers("force")
+    if float(np.max(force)) <= 0.0 and (pushing := int(np.count_nonzero(force < 0.0))):
+        raise PamError(
+            f"{path}: force: {pushing} of {count} points are below 0 and none is above; the pull "
+            "of a muscle is positive: reverse the sign of the load cell"
+        )
     return Measurements(
         path.name,
         pressure,
         place,
-        numbers("force"),
+        force,
         numbers("velocity", "0"),
         np.array(column("block", "1"), dtype=np.str_),
         np.arange(count, dtype=np.int64),

@@ -1,4 +1,4 @@
-"""The inverse of a joint whose muscles pull affinely in pressure, as functions of floats.
+"""The inverse of a joint of two muscles that pull affinely in pressure, as functions of floats.
 
 A line is what a muscle does at one length: its weakest and strongest pull [N] in the range of its
 pressures, scale [m^2] and passive pull [N], rise [m] and offset [N/m] of its dF/dL, and the range
@@ -78,11 +78,14 @@ def shifted(line: Line, point: Point) -> Line:
 
 
 def is_limited(
-    a: Line, b: Line, radius: float, missed_torque: float, missed: float, stiffness: float
+    strongest: float, missed_torque: float, missed: float, stiffness: float
 ) -> tuple[bool, bool]:
-    """Whether a torque [N m], and a stiffness [N m/rad], is missed by more than rounding."""
+    """Whether a torque [N m], and a stiffness [N m/rad], is missed by more than rounding.
+
+    `strongest` is the torque of all muscles if they pulled in one direction [N m].
+    """
     return (
-        abs(missed_torque) > CLIPPED * (1.0 + radius * (a[1] + b[1])),
+        abs(missed_torque) > CLIPPED * (1.0 + strongest),
         abs(missed) > STIFFNESS_CLIPPED * (1.0 + abs(stiffness)),
     )
 
@@ -105,5 +108,6 @@ def affine_pressures(
     pull = antagonist_pull(a, b, difference, stiffness / (radius * radius))
     reached = radius * difference
     stiff = radius * radius * (stiffness_for(a, pull + difference) + stiffness_for(b, pull))
-    cut, soft = is_limited(a, b, radius, reached - torque, stiff - stiffness, stiffness)
+    strongest = radius * (a[1] + b[1])
+    cut, soft = is_limited(strongest, reached - torque, stiff - stiffness, stiffness)
     return pressure_for(a, pull + difference), pressure_for(b, pull), reached, stiff, cut, soft

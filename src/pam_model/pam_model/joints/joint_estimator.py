@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from pam_model.errors import DomainError
-from pam_model.joints.antagonistic_joint import AntagonisticJoint
+from pam_model.joints.joint_statics import JointStatics
 from pam_model.joints.sensor_correction import SensorCorrection
 from pam_model.robot.robot import Robot
 
@@ -65,7 +65,7 @@ class JointEstimator:
         self.robot = robot
         self.max_age = max_age
         self.closed_chambers = closed_chambers
-        self._joints = tuple(AntagonisticJoint.from_robot(robot, joint) for joint in robot.joints)
+        self._joints = tuple(JointStatics.from_robot(robot, joint) for joint in robot.joints)
         self._correction = SensorCorrection(robot)
         self._muscle_numbers = {name: number for number, name in enumerate(robot.muscle_names)}
         self._joint_numbers = {name: number for number, name in enumerate(robot.joint_names)}
@@ -123,36 +123,35 @@ class JointEstimator:
         by_muscle: dict[str, tuple[float, float, float]] = {}
         names = self.robot.muscle_names
         for joint, statics in zip(self.robot.joints, self._joints, strict=True):
-            first, second = (names[place] for place in joint.muscles)
+            own = [names[place] for place in joint.muscles]
             position, velocity = self._position(joint.name, now, stamps, result.problems)
-            a, b = (self._pressure(name, now, stamps, result.problems) for name in (first, second))
+            pressures = [self._pressure(name, now, stamps, result.problems) for name in own]
             torque = stiffness = NAN
-            lengths = forces = (NAN, NAN)
+            none = (NAN,) * len(own)
+            lengths = forces = none
             if not math.isnan(position):
                 lengths = statics.lengths(position)
                 speed = 0.0 if math.isnan(velocity) else velocity
                 try:
-                    # if one pressure is missing, the pull of the other muscle is still estimated
-                    forces = statics.tensions(
-                        0.0 if math.isnan(a) else a, 0.0 if math.isnan(b) else b, position, speed
+                    # if one pressure is missing, the pulls of other muscles are still estimated
+                    known = [0.0 if math.isnan(each) else each for each in pressures]
+                    pulls = statics.tensions(known, position, speed)
+                    forces = tuple(
+                        NAN if math.isnan(pressure) else pull
+                        for pressure, pull in zip(pressures, pulls, strict=True)
                     )
-                    forces = (
-                        NAN if math.isnan(a) else forces[0],
-                        NAN if math.isnan(b) else forces[1],
-                    )
-                    if not (math.isnan(a) or math.isnan(b)):
-                        torque = statics.pulley_radius * (forces[0] - forces[1])
+                    if known == pressures:
+                        torque = statics.torque_of(forces)
                         rate = (
                             statics.closed_stiffness if self.closed_chambers else statics.stiffness
                         )
-                        stiffness = rate(a, b, position)
+                        stiffness = rate(pressures, position)
                 except DomainError as error:
-                    forces = (NAN, NAN)
+                    forces = none
                     torque = stiffness = NAN
                     result.problems.append(f"{joint.name} at {position:.4g} rad: {error}")
-            lengthening = statics.pulley_radius * velocity
-            by_muscle[first] = lengths[0], -lengthening, forces[0]
-            by_muscle[second] = lengths[1], lengthening, forces[1]
+            for name, arm, length, force in zip(own, statics.arms, lengths, forces, strict=True):
+                by_muscle[name] = length, -arm * velocity, force
             result.joint_torques.append(torque)
             result.joint_stiffnesses.append(stiffness)
         for name in names:

@@ -40,12 +40,12 @@ class JointMuscle:
 
 @dataclass(slots=True)
 class JointPressures:
-    """Two pressures, the achieved torque and stiffness, and which requests were limited.
+    """Pressures, the achieved torque and stiffness, and which requests were limited.
 
     Attributes
     ----------
-    agonist, antagonist : float
-        [Pa gauge].
+    pressures : tuple of float
+        One for each muscle of the joint, in its order [Pa gauge].
     torque : float
         Achieved [N m].
     stiffness : float
@@ -56,10 +56,19 @@ class JointPressures:
         Whether the position was outside `position_range` and its nearest limit was used.
     """
 
-    agonist: float
-    antagonist: float
+    pressures: tuple[float, ...]
     torque: float
     stiffness: float
     torque_limited: bool
     stiffness_limited: bool
     position_limited: bool
+
+    @property
+    def agonist(self) -> float:
+        """Pressure of the first muscle [Pa gauge]."""
+        return self.pressures[0]
+
+    @property
+    def antagonist(self) -> float:
+        """Pressure of the second muscle [Pa gauge]."""
+        return self.pressures[1]

@@ -78,12 +78,31 @@ def _read(path: Path) -> Any:
     except yaml.reader.ReaderError:
         raise RigError(f"{path}: not text in UTF-8; save it as UTF-8") from None
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError, ValueError) as error:
-        reason = " ".join(str(error).split()) or "nested too deeply"
-        tab = "; a tab: use spaces to indent" if r"'\t'" in reason else ""
-        raise RigError(f"{path}: not YAML: {reason}{tab}") from None
+        raise RigError(f"{path}: not YAML: {_why_no_yaml(error)}") from None
     if loader.refused:
         raise RigError("\n".join(f"{path}: {line}" for line in loader.refused[:20]))
     return tree
+
+
+def _why_no_yaml(error: Exception) -> str:
+    """Line, column and cause of a mistake in the YAML, and what it usually is."""
+    mark = getattr(error, "problem_mark", None)
+    if mark is None:
+        return " ".join(str(error).split()) or "nested too deeply"
+    begun = getattr(error, "context_mark", None)
+    inside = f", in what begins in line {begun.line + 1}" if begun else ""
+    problem = " ".join(str(getattr(error, "problem", "") or error).split())
+    if problem.startswith("but "):
+        problem = f"{getattr(error, 'context', '')}, {problem}"
+    if r"'\t'" in problem:
+        remedy = "; a tab: use spaces to indent"
+    elif "':'" in problem:
+        remedy = "; a key needs a colon and a blank behind it, as in `inertia: 0.05`"
+    elif "block" in problem or "mapping values" in problem:
+        remedy = "; the keys of one section begin in the same column, further in than its name"
+    else:
+        remedy = ""
+    return f"line {mark.line + 1}, column {mark.column + 1}{inside}: {problem}{remedy}"
 
 
 def load_rig(path: str | Path, other_keys: Collection[str] = ()) -> Rig:

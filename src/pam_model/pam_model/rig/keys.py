@@ -279,7 +279,8 @@ def _looks_like(value: float, key: Key) -> str:
     if key.unit == "K" and key.low <= value + 273.15 <= key.high:
         return "; looks like deg C"
     units = [name for name, _ in units_that_fit(value, key.unit, key.low, key.high)]
-    return f"; looks like {' or '.join(units)}, {key.unit.split()[0]} expected" if units else ""
+    own = key.unit.removesuffix(" gauge").removesuffix(" absolute")
+    return f"; looks like {' or '.join(units)}, {own} expected" if units else ""
 
 
 def _plain(tree: Any) -> Any:

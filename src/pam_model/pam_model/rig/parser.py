@@ -12,7 +12,15 @@ from pam_model.errors import PamError, RigError
 from pam_model.muscles.force_model import ForceModel, registered_models, unknown_model
 from pam_model.physics.joint_geometry import AGONIST_SIGN, ANTAGONIST_SIGN, muscle_length
 from pam_model.rig.bus_keys import beside_rig_file, check_buses, read_buses
-from pam_model.rig.keys import LENGTH_TOLERANCE, NUMBERS, POSITION_LIMITS, Key, Problems, Section
+from pam_model.rig.keys import (
+    LENGTH_TOLERANCE,
+    NAME,
+    NUMBERS,
+    POSITION_LIMITS,
+    Key,
+    Problems,
+    Section,
+)
 from pam_model.rig.people import read_people
 from pam_model.rig.types import Gas, Joint, Muscle, Plausibility, Rig, Valve, ValveKind
 from pam_model.rig.wiring import Encoder, PressureSensor
@@ -49,7 +57,7 @@ def _effects(owner: Section, scope: Scope) -> dict[str, dict[str, float]]:
         }
         values.finish()
         found[name] = {key: value for key, value in numbers.items() if value is not None}
-    section.finish([name for name, effect in EFFECTS.items() if effect.scope == scope])
+    section.finish(EFFECTS)  # for its hint: what belongs elsewhere has been told above
     return found
 
 
@@ -138,7 +146,12 @@ def _joint(section: Section, name: str) -> tuple[Joint | None, list[str]]:
     """A joint (None if it has problems) and the names of its muscles."""
     before = len(section.problems.lines)
     muscles = section.names("muscles") or []
-    if muscles and (len(muscles) != 2 or muscles[0] == muscles[1]):
+    if len(muscles) == 2 and muscles[0] == muscles[1]:
+        section.add(
+            "muscles",
+            f" = {muscles}: {muscles[0]} is named twice; must be two, [agonist, antagonist]",
+        )
+    elif muscles and len(muscles) != 2:
         section.add("muscles", f" = {muscles}: must be two, [agonist, antagonist]")
     elif not muscles and "muscles" in section.tree:
         section.add("muscles", ": must be two, [agonist, antagonist]")
@@ -283,6 +296,19 @@ def _plausibility(section: Section) -> Plausibility:
     return Plausibility(**{key: value for key, value in numbers.items() if value is not None})
 
 
+def _says_all_names(tree: Mapping[str, Any]) -> bool:
+    """Whether `joints` is a list of names, and each of them has two muscles."""
+    names = tree.get("joints")
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        return False
+    sections = [tree.get(name) for name in names]
+    muscles = [one.get("muscles") for one in sections if isinstance(one, Mapping)]
+    named = all(NAME.fullmatch(name) and name not in _TOP for name in names)
+    return named and all(
+        isinstance(m, list) and len({*map(str, m)}) == len(m) == 2 for m in muscles
+    )
+
+
 def _joints(top: Section, bench: list[str]) -> tuple[list[Joint], dict[str, str]]:
     """The joints without problems, and every named muscle with the key that names it."""
     names = top.names("joints") or []
@@ -376,7 +402,9 @@ def parse_rig(
     boards = {name: beside_rig_file(section, folders) for name, section in sections.items()}
     buses = read_buses(top.section("buses"))
     check_buses(buses, boards, top.section("boards"))
-    top.finish(other_keys)
+    # while it is not known which sections are wanted, none is strange
+    any_name = [] if _says_all_names(top.tree) else list(top.tree)
+    top.finish([*other_keys, *any_name])
     if not problems.lines and gas is not None:
         rig = Rig(
             gas=gas,

@@ -72,6 +72,8 @@ def _ambiguous(node: yaml.ScalarNode) -> list[str]:
         return []
     text = _text(node)
     remedy = f'write "{text}" if it is a text'
+    if re.fullmatch(r"[-+]?[\d_]+", text):
+        remedy = f"write {text.replace('_', '')}"
     return [f"{_line(node)}: {text} is {here} in YAML and {there} for a node of ROS: {remedy}"]
 
 
@@ -84,6 +86,11 @@ def _mixed(node: yaml.SequenceNode) -> list[str]:
         return [line for entry in node.value for line in _ambiguous(entry)]
     shown = ", ".join(_text(entry) for entry in node.value[:8])
     remedy = "all entries must have one type"
+    if "true/false" in kinds:
+        word = next(
+            _text(o) for o, kind in zip(node.value, kinds, strict=True) if kind == "true/false"
+        )
+        remedy = f'{word} is true or false in YAML: write "{word}", or better another name'
     if set(kinds) == {"integer", "number"}:
         whole = next(
             _text(one) for one, kind in zip(node.value, kinds, strict=True) if kind[0] == "i"

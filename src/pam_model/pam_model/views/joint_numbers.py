@@ -14,12 +14,14 @@ import numpy as np
 import numpy.typing as npt
 
 from pam_model.plant.constants import derive_constants
-from pam_model.plant.layout import AGONIST, ANTAGONIST, M_CABLE, M_TABLE, M_THREAD
+from pam_model.plant.layout import AGONIST, M_CABLE, M_TABLE, M_THREAD, N_MUSCLE_CONSTANTS
 from pam_model.plant.parameters import PlantParameters
 from pam_model.robot import Robot
 
-SIDES = (AGONIST, ANTAGONIST)
-"""Where the constants of a joint's muscles begin."""
+
+def constants_of(muscle: int) -> int:
+    """Where the constants of a muscle begin in those of its joint."""
+    return AGONIST + muscle * N_MUSCLE_CONSTANTS
 
 
 def joint_numbers(robot: Robot) -> npt.NDArray[np.float64]:
@@ -34,5 +36,6 @@ def joint_numbers(robot: Robot) -> npt.NDArray[np.float64]:
 
 
 def is_closed_form(c: Any) -> bool:
-    """Whether the braids of both muscles of a joint are in closed form."""
-    return all(c[m + place] == 0.0 for m in SIDES for place in (M_TABLE, M_THREAD, M_CABLE))
+    """Whether the braids of all muscles of a joint are in closed form."""
+    muscles = range(AGONIST, len(c), N_MUSCLE_CONSTANTS)
+    return all(c[m + place] == 0.0 for m in muscles for place in (M_TABLE, M_THREAD, M_CABLE))

@@ -9,18 +9,11 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from pam_model.joints.affine_inverse import Line, affine_line, affine_pressures
-from pam_model.physics.joint_geometry import (
-    AGONIST_SIGN,
-    ANTAGONIST_SIGN,
-    SIGNS,
-    length_per_position,
-    muscle_length,
-)
+from pam_model.joints.affine_inverse import Line, affine_line
+from pam_model.joints.muscle_inverse import L_RATIO, muscle_pressures, write_line
+from pam_model.physics.joint_geometry import length_per_position, muscle_length
 from pam_model.plant.composition import joint_torque
 from pam_model.plant.layout import (
-    AGONIST,
-    ANTAGONIST,
     C_GRAVITY,
     C_GRAVITY_ANGLE,
     C_INERTIA,
@@ -29,7 +22,7 @@ from pam_model.plant.layout import (
     M_NEUTRAL,
 )
 from pam_model.plant.muscle_stage import braid_force
-from pam_model.views.joint_numbers import SIDES
+from pam_model.views.joint_numbers import constants_of
 
 
 def gravity(c: Any, position: float) -> float:
@@ -53,31 +46,38 @@ def motion_torque(c: Any, position: float, velocity: float, acceleration: float)
     return float(moving + gravity(c, position) - joint_torque(c, position, velocity))
 
 
-def length_of(m: int, sign: float, c: Any, position: float) -> float:
-    """Length [m] of the muscle whose constants begin at `m`, at a position [rad]."""
-    return float(muscle_length(c[m + M_NEUTRAL], sign, c[C_RADIUS], position))
+def length_of(m: int, ratio: float, c: Any, position: float) -> float:
+    """Length [m] of the muscle whose constants begin at `m`, at a position [rad].
+
+    `ratio` is its arm over the radius of the joint [-].
+    """
+    return float(muscle_length(c[m + M_NEUTRAL], ratio, c[C_RADIUS], position))
 
 
-def length_rate(sign: float, c: Any, velocity: float) -> float:
+def length_rate(ratio: float, c: Any, velocity: float) -> float:
     """Rate of a muscle's length [m/s] at a velocity [rad/s]; of a change of the angle, its own."""
-    return float(length_per_position(sign, c[C_RADIUS]) * velocity)
+    return float(length_per_position(ratio, c[C_RADIUS]) * velocity)
 
 
 def torque_of(c: Any, pull: float) -> float:
-    """Torque [N m] of the sum of the muscles' pulls [N], each with its sign."""
+    """Torque [N m] of the sum of the muscles' pulls [N], each times its ratio."""
     return float(c[C_RADIUS] * pull)
 
 
-def muscles_torque(c: Any, table: Any, muscles: Any, pressure: int, position: float) -> float:
+def muscles_torque(
+    c: Any, table: Any, muscles: Any, line: int, pressure: int, position: float
+) -> float:
     """Torque of the muscles [N m] at a position [rad].
 
-    `muscles` are rows, one for each muscle, whose element `pressure` is the pressure [Pa gauge].
+    `muscles` are rows, one for each muscle, with its pressure [Pa gauge] in the column `pressure`
+    and its arm in those of its line, which begin at `line` (`muscle_inverse`).
     """
     total = 0.0
     for k in range(len(muscles)):
-        length = length_of(SIDES[k], SIGNS[k], c, position)
-        pull, _, _ = braid_force(SIDES[k], c, table, muscles[k][pressure], length)
-        total += SIGNS[k] * max(0.0, pull)
+        ratio, m = muscles[k][line + L_RATIO], constants_of(k)
+        length = length_of(m, ratio, c, position)
+        pull, _, _ = braid_force(m, c, table, muscles[k][pressure], length)
+        total += ratio * max(0.0, pull)
     return torque_of(c, total)
 
 
@@ -89,17 +89,17 @@ def _line(m: int, c: Any, table: Any, length: float, low: float, high: float) ->
 
 
 def pressures_for(
-    c: Any, table: Any, position: float, torque: float, stiffness: float,
-    low_a: float, high_a: float, low_b: float, high_b: float,
-) -> tuple[float, float, float, float, bool, bool]:  # fmt: skip
-    """The pressures for a torque [N m] and a stiffness [N m/rad], as `affine_pressures`.
+    c: Any, table: Any, muscles: Any, line: int, low: int, high: int,
+    position: float, torque: float, stiffness: float,
+) -> tuple[float, float, bool, bool]:  # fmt: skip
+    """Find the pressures for a torque [N m] and a stiffness [N m/rad], as `muscle_pressures`.
 
-    `low_a` to `high_b` are the ranges of the pressures of both muscles [Pa gauge].
+    `muscles` are rows, one for each muscle; `low` and `high` are the columns of the range of its
+    pressure [Pa gauge], and the columns of its line begin at `line`.
     """
-    first = length_of(AGONIST, AGONIST_SIGN, c, position)
-    second = length_of(ANTAGONIST, ANTAGONIST_SIGN, c, position)
-    return affine_pressures(
-        _line(AGONIST, c, table, first, low_a, high_a),
-        _line(ANTAGONIST, c, table, second, low_b, high_b),
-        c[C_RADIUS], torque, stiffness,
-    )  # fmt: skip
+    for k in range(len(muscles)):
+        row, m = muscles[k], constants_of(k)
+        ratio = row[line + L_RATIO]
+        length = length_of(m, ratio, c, position)
+        write_line(row, line, _line(m, c, table, length, row[low], row[high]), ratio)
+    return muscle_pressures(muscles, line, c[C_RADIUS], torque, stiffness)

@@ -1,13 +1,12 @@
 """A joint and its gas, linearised about an equilibrium.
 
-With deviations q of the position, and pa, pb of the pressures in closed chambers,
+With deviations q of the position, and pa, pb, ... of the pressures in closed chambers,
 
-    (J s^2 + B s + K) q = na pa + nb pb
+    (J s^2 + B s + K) q = na pa + nb pb + ...
     s pi = -ci s q
 
 The derivatives of torque and stiffness are finite differences of the force model, so that any force
-model can be used. Torque r (F_a - F_b) and stiffness r^2 (K_a + K_b) follow the rig's nominal
-physics.
+model can be used.
 """
 
 from __future__ import annotations
@@ -19,14 +18,16 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
-from pam_model.joints.antagonistic_joint import AntagonisticJoint
+from pam_model.joints.joint_statics import JointStatics
 from pam_model.robot.robot import RobotJoint
 from pam_model.views.inverse_dynamics import InverseDynamics
 
 PRESSURE_STEP = 10.0  # Pa
 POSITION_STEP = 1e-5  # rad
-Pair = tuple[float, float]
+PerMuscle = tuple[float, ...]
+"""One number for each muscle of the joint."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,34 +40,35 @@ class OperatingPoint:
         [rad].
     stiffness : float
         Stiffness of the muscles at constant pressure [N m/rad].
-    pressures : (float, float)
-        Agonist, antagonist, gauge [Pa].
+    pressures : tuple of float
+        Of the muscles, gauge [Pa].
     inertia : float
         J [kg m^2].
     damping : float
         B [N m s/rad].
     spring : float
         K: muscles at constant pressure, and gravity [N m/rad].
-    torque_slopes : (float, float)
-        na, nb [N m/Pa].
-    motion_pressure : (float, float)
-        ca, cb [Pa/rad].
-    per_torque : (float, float)
-        Pressure change per torque at constant stiffness and position [Pa/(N m)].
-    per_position : (float, float)
+    torque_slopes : tuple of float
+        na, nb, ... [N m/Pa].
+    motion_pressure : tuple of float
+        ca, cb, ... [Pa/rad].
+    per_torque : tuple of float
+        Pressure change per torque at constant stiffness and position [Pa/(N m)]; of more than two
+        muscles the least one, of one muscle that of its torque.
+    per_position : tuple of float
         Pressure change per angle at constant torque and stiffness [Pa/rad].
     """
 
     position: float
     stiffness: float
-    pressures: Pair
+    pressures: PerMuscle
     inertia: float
     damping: float
     spring: float
-    torque_slopes: Pair
-    motion_pressure: Pair
-    per_torque: Pair
-    per_position: Pair
+    torque_slopes: PerMuscle
+    motion_pressure: PerMuscle
+    per_torque: PerMuscle
+    per_position: PerMuscle
 
     def swinging_spring(self, frequency: float) -> float:
         """Spring [N m/rad] on which the joint would swing with a frequency [Hz]."""
@@ -90,7 +92,7 @@ class OperatingPoint:
 
 
 def operating_point(
-    joint: RobotJoint, model: AntagonisticJoint, position: float, pressures: tuple[float, float]
+    joint: RobotJoint, model: JointStatics, position: float, pressures: Sequence[float]
 ) -> OperatingPoint:
     """Linearise one joint at rest.
 
@@ -98,25 +100,29 @@ def operating_point(
     ----------
     joint : RobotJoint
         Inertia, friction and gravity.
-    model : AntagonisticJoint
+    model : JointStatics
         Its muscles.
     position : float
         [rad].
-    pressures : (float, float)
-        Gauge pressures of agonist and antagonist [Pa].
+    pressures : sequence of float
+        Gauge pressures of its muscles [Pa].
     """
 
-    def statics(a: float, b: float, q: float) -> list[float]:
-        return [model.torque(a, b, q), model.stiffness(a, b, q)]
+    def statics(at: Sequence[float], q: float) -> list[float]:
+        return [model.torque(at, q), model.stiffness(at, q)]
 
-    a, b = pressures
+    def with_more(index: int, step: float) -> list[float]:
+        return [each + step if k == index else each for k, each in enumerate(pressures)]
+
     h, e = PRESSURE_STEP, POSITION_STEP
-    by_agonist = _slope(statics(a + h, b, position), statics(a - h, b, position), h)
-    by_antagonist = _slope(statics(a, b + h, position), statics(a, b - h, position), h)
-    by_position = _slope(statics(a, b, position + e), statics(a, b, position - e), e)
-    jacobian = np.array([by_agonist, by_antagonist]).T
-    per_torque = np.linalg.solve(jacobian, [1.0, 0.0])
-    per_position = -np.linalg.solve(jacobian, by_position)
+    by_pressure = [
+        _slope(statics(with_more(k, h), position), statics(with_more(k, -h), position), h)
+        for k in range(len(pressures))
+    ]
+    by_position = _slope(statics(pressures, position + e), statics(pressures, position - e), e)
+    jacobian = np.array(by_pressure).T
+    per_torque = _pressure_change(jacobian, [1.0, 0.0])
+    per_position = [-each for each in _pressure_change(jacobian, by_position)]
     motion = [
         model.exponent * (pressure + model.ambient_pressure) * slope / volume
         for pressure, slope, volume in zip(
@@ -126,16 +132,26 @@ def operating_point(
     dynamics = InverseDynamics.from_joint(joint)
     return OperatingPoint(
         position=position,
-        stiffness=statics(a, b, position)[1],
-        pressures=pressures,
+        stiffness=statics(pressures, position)[1],
+        pressures=tuple(pressures),
         inertia=dynamics.inertia,
         damping=dynamics.viscous_friction,
         spring=-by_position[0] + dynamics.gravity_stiffness(position),
-        torque_slopes=(by_agonist[0], by_antagonist[0]),
-        motion_pressure=(motion[0], motion[1]),
-        per_torque=(float(per_torque[0]), float(per_torque[1])),
-        per_position=(float(per_position[0]), float(per_position[1])),
+        torque_slopes=tuple(torque for torque, _ in by_pressure),
+        motion_pressure=tuple(motion),
+        per_torque=tuple(per_torque),
+        per_position=tuple(per_position),
     )
+
+
+def _pressure_change(jacobian: npt.NDArray[np.float64], wanted: Sequence[float]) -> list[float]:
+    """Changes [Pa] of the pressures for a change of torque and stiffness [N m], [N m/rad]."""
+    match jacobian.shape[1]:
+        case 1:  # it reaches a torque only
+            return [float(wanted[0] / jacobian[0, 0])]
+        case 2:
+            return [float(each) for each in np.linalg.solve(jacobian, wanted)]
+    return [float(each) for each in np.linalg.lstsq(jacobian, wanted, rcond=None)[0]]
 
 
 def _slope(high: Sequence[float], low: Sequence[float], step: float) -> list[float]:

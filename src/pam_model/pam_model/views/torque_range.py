@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pam_model.joints.antagonistic_joint import AntagonisticJoint
+from pam_model.joints.joint_statics import JointStatics
 from pam_model.robot.robot import Robot, RobotJoint
 from pam_model.views.gravity import gravity_torque
 
@@ -35,14 +35,14 @@ def torque_range(
     DomainError
         If the force models do not cover the joint's range.
     """
-    pair = AntagonisticJoint.from_robot(robot, joint)
-    low, high = pair.position_range
+    statics = JointStatics.from_robot(robot, joint)
+    low, high = statics.position_range
     inside = min(max(position, low), high) if supplied else position
-    first, second = (
+    pressures = [
         muscle.high_pressure if supplied else robot.muscles[place].max_pressure
-        for muscle, place in zip((pair.agonist, pair.antagonist), joint.muscles, strict=True)
-    )
-    return pair.torque(0.0, second, inside), pair.torque(first, 0.0, inside)
+        for muscle, place in zip(statics.muscles, joint.muscles, strict=True)
+    ]
+    return statics.torque_range(pressures, inside)
 
 
 def largest_torque(robot: Robot, joint: RobotJoint) -> float:

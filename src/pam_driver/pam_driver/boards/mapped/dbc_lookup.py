@@ -304,4 +304,8 @@ def raw_limits(signal: Signal) -> tuple[int, int]:
 
 def _hint(name: object, known: Collection[str]) -> str:
     close = get_close_matches(str(name), known, 1)
-    return f"; did you mean {close[0]}?" if close else f"; it has {', '.join(list(known)[:8])}"
+    return (
+        f"; did you mean {close[0]}?"
+        if close
+        else f"; it has {', '.join(list(known)[:8]) or 'none'}"
+    )

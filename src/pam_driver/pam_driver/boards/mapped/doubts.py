@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
+from cantools.database.can import Signal
+
 from pam_driver.boards.mapped.device import MappedInput
 from pam_driver.boards.samples import PRESSURE_INPUT
 from pam_model.rig.keys import Section
@@ -15,6 +17,8 @@ from pam_ros.foreign_text import shown
 
 # Of its span, what a good sensor may show beyond what it measures: offset, noise, the weather.
 _MARGIN: Final = 0.01
+_COARSE: Final = 1.0 / 128.0
+"""Of its span, a step above which a sensor has fewer than 7 bits."""
 
 
 class Needed(NamedTuple):
@@ -53,6 +57,47 @@ def doubt_range(
             "signal",
             f" = {signal}: its range in {place} begins at {low:.6g} {needed.unit}, and the sensor "
             f"of an empty muscle may show {lowest:.6g}: such a reading counts as no measurement",
+        )
+
+
+def doubt_numbers(
+    where: Section, entry: MappedInput, signal: Signal, place: str, needed: Needed
+) -> None:
+    """Doubt a range whose ends are exchanged, labels that no raw value has, and a coarse step.
+
+    Parameters
+    ----------
+    where : Section
+        The keys of the signal.
+    entry : MappedInput
+        How it is read.
+    signal : Signal
+        As the DBC file describes it.
+    place : str
+        The file and line that describe it.
+    needed : Needed
+        What it must be able to show.
+    """
+    layout = entry.signal.layout
+    low, high = signal.minimum, signal.maximum
+    if low is not None and high is not None and low > high:
+        where.doubt(
+            "signal",
+            f" = {signal.name}: the ends of its range in {place}, {float(low):g} and "
+            f"{float(high):g}, are exchanged",
+        )
+    for raw, name in layout.labels.items():
+        if not layout.float_format and not layout.bits_low <= raw <= layout.bits_high:
+            where.doubt(
+                "signal",
+                f" = {signal.name}: its label {shown(name)} in {place} is at raw {raw}, which its "
+                f"{layout.length} bits never show",
+            )
+    if not layout.float_format and abs(entry.gain) > _COARSE * needed.span:
+        where.doubt(
+            "signal",
+            f" = {signal.name}: one step of its raw value is {abs(entry.gain):.6g} {needed.unit} "
+            f"by its factor in {place}, more than 1/{1.0 / _COARSE:.0f} of what is measured",
         )
 
 

@@ -20,7 +20,7 @@ from pam_driver.boards.mapped.device import (
     MappedInput,
     Selected,
 )
-from pam_driver.boards.mapped.doubts import Needed, doubt_labels, doubt_range
+from pam_driver.boards.mapped.doubts import Needed, doubt_labels, doubt_numbers, doubt_range
 from pam_driver.boards.mapped.frame_checks import read_checksum, read_counter
 from pam_driver.boards.mapped.signal_layout import frame_length
 from pam_driver.boards.protocol import Channel, Promises, WiredBoard
@@ -234,6 +234,7 @@ class MappedDeviceReader:
             line = self._lookup.place(message.name, signal.name)
             doubt_range(where, entry, f"{message.name}.{signal.name}", line, needed)
             doubt_labels(where, entry, needed)
+            doubt_numbers(where, entry, signal, line, needed)
 
     def _needed(self, what: str, channel: Channel) -> Needed | None:
         """What a signal must be able to show; None for the supply pressure."""

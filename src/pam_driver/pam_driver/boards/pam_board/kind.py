@@ -69,7 +69,7 @@ class PamBoardKind:
                     f"{' or '.join(_IDENTIFIERS)}"
                 )
             if isinstance(number, bool) or not isinstance(number, int) or not 0 <= number <= last:
-                if isinstance(board.address, str):
+                if isinstance(board.address, str) and board.settings:  # else it has no section
                     found.append(
                         f"boards.{board.address}.number = {number!r}: expected 0 to {last}"
                     )

@@ -1,0 +1,96 @@
+"""A joint whose numbers in the rig file may be a little off, and its statics if they are."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final, Protocol
+
+from pam_control.adaptation.rig_numbers import DRY_FRICTION, Place
+from pam_model.effects import effect_value
+from pam_model.joints.joint_statics import JointStatics
+from pam_model.rig import Joint, Rig
+from pam_model.views.inverse_dynamics import InverseDynamics
+
+OF_MUSCLES: Final = ("thread_length", "turns", "neutral_length")
+
+
+class VariedJoint(Protocol):
+    """What `StiffnessEstimate` asks about a joint of any number of muscles.
+
+    Attributes
+    ----------
+    numbers : sequence
+        The numbers that the stiffness depends on.
+    tolerance : float
+        Of these numbers, relative [-].
+    """
+
+    @property
+    def numbers(self) -> Sequence[object]:
+        """See above."""
+        ...
+
+    @property
+    def tolerance(self) -> float:
+        """See above."""
+        ...
+
+    def changed(self, changes: Sequence[float]) -> JointStatics:
+        """The joint with relative changes of its numbers; PamError where there is none."""
+        ...
+
+    def places(self, dynamics: InverseDynamics) -> list[Place]:
+        """Where each number is written; after them inertia, friction, gravity, dry friction."""
+        ...
+
+
+class JointOfRig:
+    """A joint of a rig file.
+
+    Parameters
+    ----------
+    rig : Rig
+        The rig file.
+    joint : Joint
+        One of its joints.
+    """
+
+    def __init__(self, rig: Rig, joint: Joint) -> None:
+        # of one joint alone, because the models with changed numbers are built in a control cycle
+        muscles = tuple(rig.muscle(name) for name in joint.muscles)
+        self._rig, self._joint = replace(rig, joints=(joint,), muscles=muscles), joint
+        self.tolerance = rig.parameter_tolerance
+        self.numbers: list[tuple[str, str]] = [(joint.name, "pulley_radius")] + [
+            (name, key)
+            for name in joint.muscles
+            for key in OF_MUSCLES
+            if getattr(rig.muscle(name), key, None)
+        ]
+
+    def changed(self, changes: Sequence[float]) -> JointStatics:
+        """See `VariedJoint`."""
+        rig = self._rig
+        new: dict[str, dict[str, float]] = {}
+        for (owner, key), change in zip(self.numbers, changes, strict=True):
+            part = self._joint if owner == self._joint.name else rig.muscle(owner)
+            new.setdefault(owner, {})[key] = (1.0 + change) * getattr(part, key)
+        for owner, values in new.items():
+            if owner == self._joint.name:
+                rig = rig.with_joint(replace(rig.joint(owner), **values))  # type: ignore[arg-type]
+            else:
+                rig = rig.with_muscle(replace(rig.muscle(owner), **values))  # type: ignore[arg-type]
+        return JointStatics.from_rig(rig, self._joint.name)
+
+    def places(self, dynamics: InverseDynamics) -> list[Place]:
+        """See `VariedJoint`."""
+        joint, places = self._joint, []
+        for owner, key in self.numbers:
+            part = joint if owner == joint.name else self._rig.muscle(owner)
+            written = float(getattr(part, key))
+            places.append(Place(owner, key, written, written))
+        for key in ("inertia", "viscous_friction", "gravity_torque"):
+            # with effects such as a payload, which stay as they are
+            places.append(Place(joint.name, key, getattr(joint, key), getattr(dynamics, key)))
+        dry = effect_value(joint.effects, *DRY_FRICTION.split("."))
+        return [*places, Place(joint.name, DRY_FRICTION, dry, 1.0)]

@@ -1,0 +1,230 @@
+"""A log is understood as laboratories write it, or its strange column is named; never guessed."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+import pytest
+
+from pam_gap.__main__ import main
+from pam_gap.import_log.import_log import MAP, import_log
+from pam_gap.import_log.propose_map import Proposed, propose
+from pam_gap.recordings.column_map import load_column_map
+from pam_gap.recordings.import_csv import read_columns
+from pam_gap.recordings.recording import RecordingError
+from pam_model.rig import Rig
+
+TIME: Final = np.arange(400) * 0.004
+FIRST, SECOND = (2e5 + s * 6e4 * np.sin(5.0 * TIME) for s in (1.0, -1.0))
+ANGLE: Final = 0.3 * np.sin(5.0 * TIME)
+PRESSURE: Final = "pressure_states.elbow_flexor"
+
+
+def written(path: Path, names: str, *columns: np.ndarray | list[str], between: str = ";") -> Path:
+    """A table of text; numbers are written with four decimals."""
+    cells = [c if isinstance(c, list) else [f"{v:.4f}" for v in c] for c in columns]
+    rows = [between.join(row) for row in zip(*cells, strict=True)]
+    path.write_text("\n".join([names, *rows, ""]), encoding="utf-8")
+    return path
+
+
+def proposed(path: Path, rig: Rig) -> dict[str, Proposed]:
+    table = read_columns(path)
+    return {one.channel: one for one in propose(table.columns, rig, units=table.units)}
+
+
+UNITS: Final = {
+    "bar": (1e5, False), "BAR": (1e5, False), "bar(g)": (1e5, False), "barg": (1e5, False),
+    "psig": (6894.757, False), "kPa gauge": (1e3, False), "mbar rel": (1e2, False),
+    "psia": (6894.757, True), "bar(a)": (1e5, True), "bar abs": (1e5, True), "kPa_abs": (1e3, True),
+    "Pa absolute": (1.0, True),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("place", ["p1 [{}]", "p1 ({})", "p1 {}", "below"])
+@pytest.mark.parametrize("unit", UNITS)
+def test_a_stated_unit_of_pressure_is_read_with_its_zero(
+    unit: str, place: str, rig: Rig, tmp_path: Path
+) -> None:
+    """Taken for kPa by its size was a pressure in psia, and an absolute one for gauge."""
+    factor, absolute = UNITS[unit]
+    one, two = ((p + 101325.0 * absolute) / factor for p in (FIRST, SECOND))
+    name = place.format(unit)
+    if place == "below":
+        names = f"t;p1;p2;phi\ns;{unit};{unit};rad"
+    else:
+        names = f"t;{name};{name.replace('1', '2', 1)};phi"
+    path = written(tmp_path / "log.csv", names, TIME, one, two, ANGLE)
+    import_log(path, rig, tmp_path / "out")
+    entry = load_column_map(tmp_path / "out" / MAP).channels[PRESSURE]
+    np.testing.assert_allclose(entry.factor * one + entry.offset, FIRST, atol=1.0)
+
+
+@pytest.mark.parametrize("name", ["p1 [V]", "p1 [inHg]", "p1 (kgf/cm2)", "p1 (0-10V)", "p1 [Torr]"])
+def test_a_unit_that_no_channel_has_is_not_guessed_by_its_size(
+    name: str, rig: Rig, tmp_path: Path
+) -> None:
+    names = f"t;{name};{name.replace('1', '2', 1)};phi"
+    path = written(tmp_path / "log.csv", names, TIME, 1e-5 * FIRST, 1e-5 * SECOND, ANGLE)
+    assert PRESSURE not in proposed(path, rig)
+    only = written(tmp_path / "only.csv", f"t;{name}", TIME, 1e-5 * FIRST)
+    with pytest.raises(RecordingError, match="in a unit that no channel has") as told:
+        import_log(only, rig, tmp_path / "out")
+    assert name in str(told.value)
+
+
+@pytest.mark.parametrize("word", ["raw", "adc", "counts", "LSB"])
+def test_steps_of_a_converter_are_no_pressure(word: str, rig: Rig, tmp_path: Path) -> None:
+    """Taken for mbar were whole numbers up to 4095."""
+    steps = [np.round(4095.0 * p / 7e5) for p in (FIRST, SECOND)]
+    names = f"t;p1_{word};p2_{word};phi"
+    path = written(tmp_path / "log.csv", names, TIME, *steps, ANGLE)
+    assert PRESSURE not in proposed(path, rig)
+
+
+@pytest.mark.parametrize("names", ["valve.{}", "valve_{}", "u{}", "u[{}]", "valve_0{} [%]"])
+@pytest.mark.parametrize("first", [0, 1])
+def test_the_first_of_two_numbers_is_the_first_muscle(names: str, first: int, rig: Rig) -> None:
+    """Of columns that are counted from 0, the second went to the first muscle."""
+    at_hand = {"t": TIME, "p_flexor": FIRST, "p_extensor": SECOND}
+    commands = [names.format(first + k) for k in range(2)]
+    at_hand |= {name: 0.2 * np.cos(5.0 * TIME) for name in commands}
+    found = {one.channel: one.column for one in propose(at_hand, rig)}
+    assert [found[f"valve_commands.elbow_{m}"] for m in ("flexor", "extensor")] == commands
+
+
+def clock(form: str) -> Callable[[float], str]:
+    """Writes a time after eight seconds before noon of the fourth of March, in a form."""
+
+    def write(time: float) -> str:
+        seconds = 11 * 3600 + 59 * 60 + 58.0 + time
+        hour, minute, second = int(seconds // 3600), int(seconds // 60) % 60, seconds % 60.0
+        half = "AM" if hour < 12 else "PM"
+        parts = {"h": hour, "m": minute, "s": f"{second:06.3f}", "c": f"{second:06.3f}"}
+        parts |= {"half": half, "twelve": (hour - 1) % 12 + 1, "c": parts["c"].replace(".", ",")}
+        return form.format(**parts)
+
+    return write
+
+
+FORMS: Final = {
+    "ISO": "2026-03-04T{h:02}:{m:02}:{s}",
+    "German": "04.03.2026 {h:02}:{m:02}:{c}",
+    "American": "03/04/2026 {twelve:02}:{m:02}:{s} {half}",
+    "British": "14/03/2026 {h:02}:{m:02}:{s}",
+    "time of day": "{h:02}:{m:02}:{s}",
+    "twelve hours": "{twelve}:{m:02}:{s} {half}",
+}
+
+
+@pytest.mark.parametrize("name", ["Timestamp", "Datum", "DateTime"])
+@pytest.mark.parametrize("form", FORMS)
+def test_a_time_is_read_as_clocks_write_it(form: str, name: str, rig: Rig, tmp_path: Path) -> None:
+    names = f"{name};p1 [bar];p2 [bar];phi"
+    stamps = [clock(FORMS[form])(float(t)) for t in TIME * 10.0]
+    path = written(tmp_path / "log.csv", names, stamps, 1e-5 * FIRST, 1e-5 * SECOND, ANGLE)
+    table = read_columns(path)
+    assert {p.channel: p.column for p in propose(table.columns, rig)}["time"] == name
+    passed = table.columns[name] - table.columns[name][0]
+    np.testing.assert_allclose(passed, 10.0 * TIME, atol=2e-3)
+
+
+def test_the_order_of_day_and_month_is_that_of_a_short_recording(tmp_path: Path) -> None:
+    """From 04/03 to 05/03 in two seconds: the day stands first."""
+    late = [f"04/03/2026 23:59:{s:06.3f}" for s in (58.0, 59.0)]
+    path = written(tmp_path / "log.csv", "Date;p", [*late, "05/03/2026 00:00:00.000"], ["1"] * 3)
+    np.testing.assert_allclose(np.diff(read_columns(path).columns["Date"]), 1.0)
+
+
+@pytest.mark.parametrize("unit", ["s", "ms", "us", "ns"])
+@pytest.mark.parametrize("since_1970", [False, True])
+def test_the_unit_of_a_time_follows_from_its_steps(unit: str, since_1970: bool, rig: Rig) -> None:
+    factor = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}[unit]
+    stamps = (TIME + 1.7e9 * since_1970) * factor
+    found = propose({"stamp": stamps, "p1": FIRST, "p2": SECOND, "phi": ANGLE}, rig)
+    assert (found[0].channel, found[0].unit) == ("time", "" if unit == "s" else unit)
+
+
+WORDS_FOR_NOTHING: Final = (
+    *(
+        "-",
+        "--",
+        "n/a",
+        "N.A.",
+        "#NV",
+        "#N/A",
+        "#DIV/0!",
+        "#VALUE!",
+        "NULL",
+        "?",
+        "OVF",
+        "nan(ind)",
+    ),
+    *("1.#IND", "-1.#IND", "1.#QNAN", "1.#INF", "-1.#INF", "inf", "-Infinity", "---.---", ""),
+)
+
+
+@pytest.mark.parametrize("word", WORDS_FOR_NOTHING)
+def test_a_word_for_nothing_is_no_number_and_takes_nothing_with_it(
+    word: str, rig: Rig, tmp_path: Path
+) -> None:
+    """Read was 1.#IND as 1, without the rest of its row; one inf hid the unit of its column."""
+    cells = [f"{p:.4f}" for p in 1e-5 * FIRST]
+    cells[100] = cells[200] = word
+    names = "t;p1;p2;phi"
+    path = written(tmp_path / "log.csv", names, TIME, cells, 1e-5 * SECOND, ANGLE)
+    table = read_columns(path)
+    assert not np.isfinite(table.columns["p1"][[100, 200]]).any()
+    np.testing.assert_allclose(table.columns["phi"], ANGLE, atol=1e-4)
+    assert {p.channel: p.unit for p in propose(table.columns, rig)}[PRESSURE] == "bar"
+
+
+@pytest.mark.parametrize("sign", ["−", "–", "- ", "− "])
+def test_a_minus_may_be_that_of_a_word_processor(sign: str, tmp_path: Path) -> None:
+    cells = [f"{a:.4f}".replace("-", sign) for a in ANGLE]
+    table = read_columns(written(tmp_path / "log.csv", "t;phi", TIME, cells))
+    np.testing.assert_allclose(table.columns["phi"], ANGLE, atol=1e-4)
+
+
+def test_comments_stand_between_rows_and_behind_them(tmp_path: Path) -> None:
+    path = tmp_path / "log.txt"
+    rows = [f"{t:.3f},{p:.3f}" for t, p in zip(TIME, FIRST, strict=True)]
+    rows[7] += " # valve knocked"
+    path.write_text("\n".join(["% t,p", *rows[:50], "# a pause", "% and one", *rows[50:]]))
+    table = read_columns(path)
+    np.testing.assert_allclose(table.columns["t"], TIME)
+    np.testing.assert_allclose(table.columns["p"], FIRST, atol=1e-3)
+    assert not table.texts
+
+
+def test_the_first_column_may_be_a_time_of_any_name_but_not_the_number_of_the_row(rig: Rig) -> None:
+    others = {"p1": FIRST, "p2": SECOND, "phi": ANGLE}
+    for name, values, is_time in (
+        ("X_Value", TIME, True),
+        ("n", np.arange(TIME.size, dtype=float), False),
+        ("p3", FIRST, False),
+    ):
+        found = {one.channel for one in propose({name: values, **others}, rig)}
+        assert ("time" in found) == is_time, name
+
+
+def test_a_time_with_too_few_digits_is_named(rig: Rig, tmp_path: Path) -> None:
+    stamps = [f"{1.7e12 + 1e3 * t:.5e}" for t in TIME]
+    names = "t;p1;p2;phi"
+    path = written(tmp_path / "log.csv", names, stamps, FIRST, SECOND, ANGLE)
+    (problem,) = import_log(path, rig, tmp_path / "out").problems
+    assert "the time has only 1 different values in 400 rows" in problem
+
+
+def test_what_was_left_out_is_said_on_the_terminal(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Of a log whose angle nobody recognised, nothing was said."""
+    names = "t;p1;p2;knee"
+    path = written(tmp_path / "log.csv", names, TIME, FIRST, SECOND, ["-"] * 9 + ["1"] * 391)
+    example = Path(__file__).parents[2] / "config" / "elbow.yaml"
+    main(["import", str(path), "--rig", str(example), "--out", str(tmp_path / "out")])
+    out = capsys.readouterr().out
+    assert "columns that are not used: 'knee'" in out
+    assert "missing: joint_states.elbow.position" in out
