@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import replace
 from functools import partial
+from itertools import chain
 
 import numpy as np
 
@@ -44,7 +46,7 @@ from pam_gap.inference.unlisted import UnlistedFitter
 from pam_gap.inference.verdict import has_gap
 from pam_gap.prediction.bench_joint import bench_problem
 from pam_gap.prediction.channel_order import BOTH_FORCES, POSITION
-from pam_gap.prediction.fit import PlantFit
+from pam_gap.prediction.fit import PlantFit, mean_squares
 from pam_gap.prediction.gap_figures import noise_level
 from pam_gap.prediction.identifiable import cautions, small_motion, what_is_missing
 from pam_gap.prediction.locate import Location, locate
@@ -111,6 +113,8 @@ class JointDiagnosis:
         self.judge = Judge(self.floor, self.present, rules.decision, self.motion)
         self.causes: frozenset[str] = frozenset()
         self.growth: list[tuple[GrowthStep, bool]] = []
+        self.whole: JointDiagnosis | None = None
+        """The diagnosis of all data, if this is that of their beginning."""
         self.evidence: Evidence[HeldOut] | None = None
         self.answer: HeldOut | None = None
         self.lengths: LooseLengths | None = None
@@ -181,23 +185,105 @@ class JointDiagnosis:
             for effect in one.ordinary
         )
 
-    def search(self) -> SearchResult:
-        """Search single effects, then further effects while they improve the fit enough."""
+    def begun_search(self) -> tuple[CandidateSearch, SearchResult]:
+        """Search single effects, and decide whether the recordings show a background."""
         self.causes = self.far_beyond()
         if self.causes:
             self.fitter.without_background()
         search = CandidateSearch(self.fitter, self.candidates(), self.progress)
         result = search.singles()
-        if self.has_no_background(result):
+        if self.has_no_background(result) and (
+            self.whole is None or self.whole.has_none_either(result)
+        ):
             self.fitter.without_background()
             result = search.again(result)
         else:
             self.judge.background = self.fitter.discrepancy
+        result.singles = tuple(h.effects[0] for h in result.by_size[0])
+        return search, result
+
+    def search(self) -> SearchResult:
+        """Search single effects, then further effects while they improve the fit enough.
+
+        In a long recording they are sought in its beginning. What leads there is fitted to all
+        data, which decide whether one more effect is sought.
+        """
+        self.progress("re-tuning nominal parameters", 0.0)
+        small = self.on_the_beginning()
+        search, found = (small or self).begun_search()
+        result = self._begun_like(small, found) if small else found
         low, high = 0.4, 0.75
-        while self._goes_on(search, result):
-            search.grow(result, (low, high))
+        while self._goes_on(result):
+            if small:
+                # A longer fit of the base to all data must not be credited to the added effect.
+                whole = CandidateSearch(self.fitter, (), self.progress)
+                steps = self.rules.search.settled_steps
+                result.by_size[-1][:1] = whole.refine(result.by_size[-1][:1], steps)
+            search.grow(found, (low, high))
+            if small:
+                self._follow(found, result)
             low, high = high, 0.85
+        if small:  # what a simulation of the beginning takes of a whole one
+            share = small.problem.n_rows / self.problem.n_rows
+            self.problem.simulations += share * small.problem.simulations
         return result
+
+    def on_the_beginning(self) -> JointDiagnosis | None:
+        """The diagnosis of the beginning of all recordings, if that shows what all of them show."""
+        rules, problem = self.rules.search, self.problem
+        if problem.is_bench:  # every length that is held counts
+            return None
+        errors = self.fitter.fit_nominal().simulated
+        whole = mean_squares(errors, problem.counted)
+        longest, seconds = float(problem.row_time.max()), rules.search_time
+        while seconds < rules.search_most * longest:
+            small = problem.beginning(seconds)
+            shown = mean_squares(errors, problem.counted & (problem.row_time < seconds))
+            motion = squared_motion(small)
+            is_shown = (shown >= rules.search_shows * whole) & (
+                motion >= rules.search_shows**2 * self.motion
+            )
+            if is_shown[self.present].all() and small.n_rows >= rules.search_rows:
+                other = copy(self)
+                other.whole = self
+                other.problem, other.motion = small, motion
+                other.fitter = HypothesisFitter(small, self.floor)
+                other.folds = make_folds(small)
+                other.judge = Judge(self.floor, self.present, self.rules.decision, motion)
+                return other
+            seconds *= 2.0
+        return None
+
+    def has_none_either(self, found: SearchResult) -> bool:
+        """Whether what explains the beginning without a background explains all data as well."""
+        result = SearchResult(self.fitter.fit_nominal())
+        self._follow(found, result)
+        return self.has_no_background(result)
+
+    def _begun_like(self, small: JointDiagnosis, found: SearchResult) -> SearchResult:
+        """The leading single effects of a search in the beginning, fitted to all data."""
+        self.causes = small.causes
+        if small.fitter.background is None:
+            self.fitter.without_background()
+        if small.judge.background.any():
+            self.judge.background = self.fitter.discrepancy
+        result = SearchResult(self.fitter.fit_nominal())
+        self._follow(found, result)
+        first = (h.effects[0] for h in result.by_size[0])
+        result.singles = tuple(dict.fromkeys((*first, *found.singles)))
+        return result
+
+    def _follow(self, found: SearchResult, result: SearchResult) -> None:
+        """Fit the leading hypotheses of the last size to all data, and order both by these fits."""
+        self.progress("leading hypotheses on all data", 0.84)
+        leading = self.leading(found)[-1]
+        slopes, steps = result.nominal.result.jacobian, self.rules.search.screening_steps
+        fits = self.fitter.fit_all(
+            [FitTask(h.members, h.result.values, steps, guess=slopes) for h in leading]
+        )
+        order = sorted(range(len(fits)), key=lambda k: self._left(fits[k]))
+        result.by_size.append([fits[k] for k in order])
+        found.by_size[-1][: len(order)] = [leading[k] for k in order]
 
     def has_no_background(self, result: SearchResult) -> bool:
         """Whether one or two causes explain the recordings without any background."""
@@ -208,15 +294,17 @@ class JointDiagnosis:
         self.progress("one or two effects, no background", 0.36)
         return is_clean(self.fitter, result.nominal, result.by_size[0], share)
 
-    def _goes_on(self, search: CandidateSearch, result: SearchResult) -> bool:
+    def _left(self, h: Hypothesis) -> float:
+        """Level of a hypothesis over noise and background."""
+        return level(h.mean_square, self.floor + self.judge.background, self.present)
+
+    def _goes_on(self, result: SearchResult) -> bool:
         """Whether one more effect is sought; the decision is kept as evidence."""
         best = result.by_size[-1][0]
         size = len(result.by_size)
         floor = self.floor + self.judge.background
 
-        def left(h: Hypothesis) -> float:
-            return level(h.mean_square, floor, self.present)
-
+        left = self._left
         limit = self.rules.decision.material_share**2 * self.motion
         matters = bool((best.mean_square - floor > limit)[self.present].any())
         step = GrowthStep(size, int(self.present.sum()), matters, left(result.nominal), left(best))
@@ -228,14 +316,11 @@ class JointDiagnosis:
         self.growth.append((step, goes_on))
         return goes_on
 
-    def finalists(self, result: SearchResult) -> list[Hypothesis]:
+    def leading(self, result: SearchResult) -> list[list[Hypothesis]]:
         """The best hypotheses of each size, which get a held-out score."""
         rules = self.rules.search
         shares = (rules.finalists_one, rules.finalists_two, rules.finalists_three)
-        chosen: list[Hypothesis] = []
-        for size, found in enumerate(result.by_size):
-            chosen += found[: shares[min(size, 2)]]
-        return chosen
+        return [found[: shares[min(size, 2)]] for size, found in enumerate(result.by_size)]
 
     def settled(self, score: HeldOut) -> HeldOut:
         """Complete the fit of a hypothesis, from the rig file's numbers, and return its score."""
@@ -294,6 +379,7 @@ class JointDiagnosis:
         self.judge.set_floor(scores)
         if not has_gap(self.judge.level(scores[0]), int(self.present.sum()), self.rules.decision):
             return []
+        self.progress("causes outside the table", 0.9)
         usual = [score for score in scores if score.ordinary]
         best = min(usual, key=self.judge.priced_level, default=scores[0])
         beside = best.hypothesis.only(best.ordinary)
@@ -383,7 +469,7 @@ class JointDiagnosis:
         """All that the verdict depends on, with completed fits, and where the gap arises."""
         self.progress("held-out scores", 0.86)
         written = self.written()
-        nominal, *found = scores = self.scores([result.nominal, *self.finalists(result)])
+        nominal, *found = scores = self.scores([result.nominal, *chain(*self.leading(result))])
         unlisted = self.unlisted_scores(scores, result.nominal, result.by_size[0])
         retuned = nominal.hypothesis
         vector = self.fitter.vector((), retuned.result.values)
@@ -396,7 +482,7 @@ class JointDiagnosis:
             written=written,
             nominal=nominal,
             tried=tuple(score.with_causes(self.causes) for score in found),
-            singles=tuple(h.effects[0] for h in result.by_size[0]),
+            singles=result.singles,
             stages=location.stages,
             growth=tuple(self.growth),
             unlisted=tuple(unlisted),

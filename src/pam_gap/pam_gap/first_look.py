@@ -17,7 +17,7 @@ import numpy as np
 
 from pam_gap.answer.user_units import percent, spoken, told
 from pam_gap.diagnosis_engine import JointDiagnosis
-from pam_gap.inference.hypothesis import FitTask, Hypothesis
+from pam_gap.inference.hypothesis import FitTask
 from pam_gap.prediction.gap_figures import noise_level
 from pam_gap.prediction.identifiable import what_is_missing
 from pam_gap.prediction.locate import locate
@@ -140,16 +140,18 @@ def first_look(engine: JointDiagnosis) -> FirstLook:
     squares = [written.mean_square, nominal.mean_square, nominal.mean_square]
     sizes = gap_sizes(problem, noise_level(problem, values), share, share, squares)
     matters = any(size.is_material for size in sizes)
+    shown = (engine.on_the_beginning() or engine) if matters else engine
     return FirstLook(
         name,
         stage=location.worst,
         gaps=tuple(RetunedGap(s.channel, s.unit, s.motion, s.before, s.retuned) for s in sizes),
-        effects=_ranked(engine, nominal) if matters else (),
+        effects=_ranked(shown) if matters else (),
     )
 
 
-def _ranked(engine: JointDiagnosis, nominal: Hypothesis) -> tuple[Resemblance, ...]:
+def _ranked(engine: JointDiagnosis) -> tuple[Resemblance, ...]:
     """The effects by the share of the error that they remove; of several starts the best."""
+    nominal = engine.fitter.fit_nominal()
     candidates = engine.candidates()
     engine.progress(f"one effect: {len(candidates)} candidates", 0.4)
     reuse = nominal.result.jacobian

@@ -42,10 +42,13 @@ class SearchResult:
         The plant re-tuned without effects.
     by_size : list of list of Hypothesis
         Entry k holds the hypotheses of k + 1 effects, best first.
+    singles : tuple of str
+        All effects, in the order of their levels as single effects.
     """
 
     nominal: Hypothesis
     by_size: list[list[Hypothesis]] = field(default_factory=list)
+    singles: tuple[str, ...] = ()
 
 
 def _twin_starts(twin: Candidate, member: Candidate, values: Array) -> tuple[Array, ...]:

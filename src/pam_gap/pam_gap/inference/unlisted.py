@@ -163,9 +163,11 @@ class UnlistedFitter:
         if parts is None:
             return []
         causes, background = self._causes(parts)
+        known = [self._level(single) for single in singles]
+        most = min(known, default=np.inf) + 2.0 * self.rules.behind
         found = []
         for one in causes:
-            score = self._score(one, self._start(one, nominal, singles), background)
+            score = self._score(one, self._start(one, nominal, singles), background, most)
             if score is not None:
                 found.append((score, one))
         if found and singles and beside is not None and beside.members:
@@ -202,9 +204,13 @@ class UnlistedFitter:
         return causes, Background(effects, LinearTerms(columns, free))
 
     def _score(
-        self, one: Unlisted, start: tuple[Array, Hypothesis], background: Background
+        self,
+        one: Unlisted,
+        start: tuple[Array, Hypothesis],
+        background: Background,
+        most: float = np.inf,
     ) -> HeldOut | None:
-        """Held-out score of one cause; None if its size is ordinary.
+        """Held-out score of one cause; None if its size is ordinary or its level above `most`.
 
         `start` holds the amounts and the hypothesis with which the fit begins; the effects of the
         latter are fitted together with the cause.
@@ -221,6 +227,8 @@ class UnlistedFitter:
             if np.abs(amounts).max() <= 1.0:
                 return None
             left = self._level(at)
+            if left > most:  # further rounds change its columns, and do not bring it so far
+                return None
             if best is None or left < best[0]:
                 best = (left, own, at)
                 self._amounts[one.name] = amounts

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -10,6 +10,7 @@ import numpy.typing as npt
 from pam_gap.prediction.channel_order import BOTH_PRESSURES, N_CHANNELS, POSITION
 from pam_gap.prediction.fit import Array
 from pam_gap.recordings.noise_floor import ChannelNoise, noise_floor
+from pam_gap.recordings.parts import part_of
 from pam_gap.recordings.recording import (
     COMMANDS,
     JOINTS,
@@ -135,6 +136,20 @@ def joint_channels(recording: Recording, rig: Rig, joint: int, rules: Rules = DE
         votes,
         torque,
         drawn_by_others(recording, rig, joint),
+    )
+
+
+def beginning_of(data: Channels, seconds: float) -> Channels:
+    """The first seconds of a recording, with the noise that was found in all of it."""
+    count = min(round(seconds / data.recording.sample_time), len(data.measured))
+    return replace(
+        data,
+        recording=part_of(data.recording, 0, count),
+        commands=data.commands[:count],
+        measured=data.measured[:count],
+        known=data.known[:count],
+        external=None if data.external is None else data.external[:count],
+        drawn=None if data.drawn is None else data.drawn[:count],
     )
 
 

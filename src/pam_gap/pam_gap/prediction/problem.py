@@ -15,7 +15,12 @@ import numpy as np
 import numpy.typing as npt
 
 from pam_gap.prediction.channel_order import AGONIST_PRESSURE, BOTH_PRESSURES, N_CHANNELS, POSITION
-from pam_gap.prediction.channels import Channels, channel_names, joint_channels
+from pam_gap.prediction.channels import (
+    Channels,
+    beginning_of,
+    channel_names,
+    joint_channels,
+)
 from pam_gap.prediction.fit import Array, Predictor
 from pam_gap.prediction.local_polynomial import local_polynomial
 from pam_gap.prediction.observer import FOLLOW_BOTH, FOLLOW_MOTION, FOLLOW_PRESSURES, observe
@@ -201,16 +206,7 @@ class PredictionProblem:
         if not self.has_commands:
             # Without commands the measured pressures are inputs, so they have no prediction error.
             self.present[BOTH_PRESSURES] = False
-        self.compared = tuple(self._compared(data) for data in self.data)
-        rows = [len(data.measured) // self.block for data in self.data]
-        self.offsets = np.concatenate(([0], np.cumsum(rows)))
-        self.row_time = np.concatenate(
-            [
-                (np.arange(count) + 0.5) * self.block * data.recording.sample_time
-                for count, data in zip(rows, self.data, strict=True)
-            ]
-        )
-        self.counted = self.row_time > rules.prediction.settling
+        self._set_rows()
         self.simulations = 0.0
 
     @property
@@ -300,6 +296,19 @@ class PredictionProblem:
         self.simulations += len(values)
         return parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
 
+    def _set_rows(self) -> None:
+        """Number the rows of the errors of all recordings, and find out what each compares."""
+        self.compared = tuple(self._compared(data) for data in self.data)
+        rows = [len(data.measured) // self.block for data in self.data]
+        self.offsets = np.concatenate(([0], np.cumsum(rows)))
+        self.row_time = np.concatenate(
+            [
+                (np.arange(count) + 0.5) * self.block * data.recording.sample_time
+                for count, data in zip(rows, self.data, strict=True)
+            ]
+        )
+        self.counted = self.row_time > self.rules.prediction.settling
+
     def _compared(self, data: Channels) -> npt.NDArray[np.bool_]:
         """Whether a row of the errors of one recording compares each channel."""
         rows = len(data.measured) // self.block
@@ -312,6 +321,18 @@ class PredictionProblem:
         other = copy(self)
         other.data = tuple(change(data) for data in self.data)
         other.compared = tuple(other._compared(data) for data in other.data)
+        return other
+
+    def beginning(self, seconds: float) -> PredictionProblem:
+        """The same problem with the beginning of each recording, which needs less time.
+
+        Noise and channels are those of whole recordings. The errors of a plant are the first rows
+        of those along the whole recording.
+        """
+        other = copy(self)
+        other.data = tuple(beginning_of(data, seconds) for data in self.data)
+        other._set_rows()
+        other.simulations = 0.0
         return other
 
     def based_on(self, changes: Mapping[str, float]) -> PredictionProblem:

@@ -41,6 +41,39 @@ class SearchRules:
         "damping of the fit.",
         trades="The fit takes other steps; the result should not change.",
     )
+    search_time: float = rule(
+        10.0,
+        unit="s",
+        decides="Time at the beginning of each recording in which effects are sought; the leading "
+        "hypotheses are then fitted to whole recordings. It is doubled until `search_shows` holds.",
+        trades="Longer: the diagnosis takes longer. Shorter: the true effect can be dropped before "
+        "it is compared on all data.",
+        origin="Chosen on recordings of 24 and 40 s; shorter ones are searched as a whole.",
+    )
+    search_shows: float = rule(
+        0.5,
+        unit="-",
+        decides="Share of the range of every channel, and of the mean square of its error, that "
+        "the beginning of the recordings must show for effects to be sought in it alone.",
+        trades="Larger: whole recordings are searched, which takes longer. Smaller: effects are "
+        "sought where they hardly act.",
+        origin=NUMERICAL,
+    )
+    search_rows: int = rule(
+        1000,
+        unit="rows",
+        decides="Fewest rows of prediction errors of such a beginning.",
+        trades="Larger: slow recordings are searched as a whole. Smaller: hypotheses that hardly "
+        "differ change places, and probabilities with them.",
+        origin="With 600 rows in 24 s at 100 Hz, a search of 10 s changed a probability by 0.3.",
+    )
+    search_most: float = rule(
+        0.7,
+        unit="of the longest recording",
+        decides="Length from which whole recordings are searched instead of their beginning.",
+        trades="Larger: what leads is fitted again where little is saved.",
+        origin=NUMERICAL,
+    )
     behind: float = rule(
         6.0,
         unit="level",
@@ -202,6 +235,14 @@ class SearchRules:
         "less than `clean_left` by the slopes of the single fits.",
         trades="Fewer: such pairs are missed. More: the diagnosis takes longer.",
         origin="Numerical setting.",
+    )
+    clean_steps: int = rule(
+        3,
+        unit="steps",
+        decides="Steps of the fit of such a pair after which it must have halved what it leaves, "
+        "or it ends.",
+        trades=_STEPS,
+        origin=NUMERICAL,
     )
     unlisted_rounds: int = rule(
         3,
