@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,6 +24,7 @@ from pam_demo.commission.motion_loop import NEARLY_EMPTY, scale_of
 from pam_demo.commission.motions import filling, staircase, steps
 from pam_demo.commission.play import play, start_up_check, touch
 from pam_demo.commission.robot_port import JointReading
+from pam_demo.commission.tracking import controller_for, reaches, track
 from pam_demo.commission.watch import Limits, Seen, watched
 from pam_gap.calibration.calibration import DETERMINED, KEPT, CalibratedNumber
 from pam_gap.calibration.calibration_rules import CalibrationRules
@@ -333,6 +335,27 @@ def test_a_recording_is_free_of_the_delays_of_its_port(
     simulated = [again.advance(row).pressures for row in sent.to_numpy().tolist()]
     recorded = played.table[["pressure_states.elbow_flexor", "pressure_states.elbow_extensor"]]
     assert np.abs(np.array(simulated) - recorded.to_numpy()).max() < 1.0  # Pa
+
+
+def test_a_tracking_test_plans_while_the_joint_rests_and_is_judged_at_the_time_of_its_readings(
+    elbow: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Over ROS, to plan at the start of the motion cost five commands and 20 mrad."""
+    scale, port = scale_of(elbow, PERIOD), LatePort(elbow, 1, 1)
+    controller = controller_for(port, elbow)
+    follow, waits = controller.references.follow, []
+
+    def noted(*given: Any, start: float, now: float) -> str:
+        waits.append(start - now)
+        return follow(*given, start=start, now=now)
+
+    monkeypatch.setattr(controller.references, "follow", noted)
+    points = reaches(scale.middle, scale.reach, 0.6)
+    tracked = track(port, controller, points, Limits.of(elbow))
+    assert not tracked.stopped
+    assert min(waits) > 10 * PERIOD
+    assert len(tracked.table) * PERIOD == pytest.approx(points[-1].time_from_start, abs=0.02)
+    assert tracked.rms < 1e-3
 
 
 # --- a busy computer ------------------------------------------------------------------------------
