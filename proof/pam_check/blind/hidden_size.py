@@ -52,4 +52,4 @@ class HiddenSize:
         return joint._replace(**changed), (first, second)
 
 
-CLEAN: Final = HiddenSize("nothing is hidden; the rig is its rig file")
+CLEAN: Final = HiddenSize("nothing is hidden; the rig matches its rig file")

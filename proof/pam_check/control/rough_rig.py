@@ -4,7 +4,7 @@
 plant of the blind check, and makes the dimensions differ from the rig file. It plays the arm's
 motion with a PID that was tuned on that very rig, with the controller that has the rig file as it
 was written, with the improved rig file of a diagnosis, and after it has learnt the motion. The same
-PID and controller play it on a rig that is its rig file.
+PID and controller play it on a rig that matches its rig file.
 """
 
 from __future__ import annotations
@@ -166,7 +166,7 @@ def run(given: Arguments) -> Outcome:
         bar.show(6, "learning")
     print(f"diagnosis of the rough rig: {answer.sentence}")
     print("RMS error of the arm's motion [mrad]")
-    named = (("rig that is its rig file", clean), ("rough rig", rough))
+    named = (("rig that matches its rig file", clean), ("rough rig", rough))
     for words, ways in named:
         for way in ways:
             print(f"{words:24s}  {way.name:40s} {1e3 * way.rms:7.2f}  {way.stopped}".rstrip())

@@ -18,8 +18,8 @@ compared with the noise, the faster they follow. They are taken back where they 
 (`running_comparison`).
 
 What the weights explain must be larger than a threshold. Near it, they are reduced by the factor
-1 - (threshold/explained)^2, which is 0 below it. So a rig that is its rig file stays untouched by
-noise.
+1 - (threshold/explained)^2, which is 0 below it. So a rig that matches its rig file stays
+untouched by noise.
 
 Sources: J. A. Hoeting, D. Madigan, A. E. Raftery, C. T. Volinsky, "Bayesian model averaging: a
 tutorial", Statistical Science 14 (1999) 382-417; D. J. C. MacKay, "Bayesian interpolation", Neural

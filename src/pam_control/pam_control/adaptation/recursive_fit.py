@@ -7,7 +7,7 @@ is larger. Since the penalty does not fade, the fit is regular at any time, howe
 seen.
 
 What the fit explains must be larger than a threshold. Near it, the weights are reduced by the
-factor 1 - (threshold/explained)^2, which is 0 below it. So a rig that is its rig file stays
+factor 1 - (threshold/explained)^2, which is 0 below it. So a rig that matches its rig file stays
 untouched by noise.
 
 One of the functions may be a suspect: it resembles others so much that most data do not tell them
