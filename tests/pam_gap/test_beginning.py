@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from pam_gap.diagnosis_engine import JointDiagnosis
-from pam_gap.inference.clean_rig import _explains
+from pam_gap.inference.clean_rig import explained
 from pam_gap.inference.hypothesis import FitTask, Hypothesis, HypothesisFitter
 from pam_gap.prediction.fit import Array
 from pam_gap.prediction.problem import PredictionProblem
@@ -97,8 +97,7 @@ def test_a_beginning_without_a_background_must_be_confirmed_by_all_data(
     engine = JointDiagnosis(rig, 0, [record(VOLUMES, duration=7.0)])
     few = [c for c in engine.candidates() if c.effect == "dead_volume"]
     engine.candidates = lambda: few  # type: ignore[method-assign]
-    engine.has_no_background = lambda _: True  # type: ignore[method-assign]
-    engine.whole = cast(JointDiagnosis, SimpleNamespace(has_none_either=lambda _: everywhere))
+    engine.whole = cast(JointDiagnosis, SimpleNamespace(is_explained_by=lambda _: everywhere))
     engine.begun_search()
     assert (engine.fitter.background is None) is everywhere
 
@@ -125,5 +124,5 @@ def test_a_pair_that_does_not_converge_is_given_up(
 
     fitter = cast(HypothesisFitter, SimpleNamespace(rules=DEFAULT, fit_all=fit_all))
     task = FitTask((), np.zeros(0), DEFAULT.search.clean_steps, is_bare=True)
-    assert _explains(fitter, task, 0.02, lambda _: next(shares)) is answer
+    assert (explained(fitter, task, lambda _: next(shares)) is not None) is answer
     assert len(asked) == fits

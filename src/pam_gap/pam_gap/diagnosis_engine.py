@@ -22,7 +22,7 @@ from pam_gap.answer.sentences import (
 from pam_gap.answer.write_answer import AnswerForm, advice, not_identifiable
 from pam_gap.experiments.next_experiment import Proposal, propose
 from pam_gap.inference.candidates import Candidate, applicable, candidates_for
-from pam_gap.inference.clean_rig import is_clean
+from pam_gap.inference.clean_rig import clean_explanation, explained
 from pam_gap.inference.decide import Verdict, close_calls, decide, judge_of
 from pam_gap.inference.decision import Decision, Judge
 from pam_gap.inference.discrepancy_model import explained_leftover
@@ -46,7 +46,7 @@ from pam_gap.inference.unlisted import UnlistedFitter
 from pam_gap.inference.verdict import has_gap
 from pam_gap.prediction.bench_joint import bench_problem
 from pam_gap.prediction.channel_order import BOTH_FORCES, POSITION
-from pam_gap.prediction.fit import PlantFit, mean_squares
+from pam_gap.prediction.fit import Array, PlantFit, mean_squares
 from pam_gap.prediction.gap_figures import noise_level
 from pam_gap.prediction.identifiable import cautions, small_motion, what_is_missing
 from pam_gap.prediction.locate import Location, locate
@@ -192,9 +192,7 @@ class JointDiagnosis:
             self.fitter.without_background()
         search = CandidateSearch(self.fitter, self.candidates(), self.progress)
         result = search.singles()
-        if self.has_no_background(result) and (
-            self.whole is None or self.whole.has_none_either(result)
-        ):
+        if self.without_background(result) is not None:
             self.fitter.without_background()
             result = search.again(result)
         else:
@@ -254,11 +252,12 @@ class JointDiagnosis:
             seconds *= 2.0
         return None
 
-    def has_none_either(self, found: SearchResult) -> bool:
+    def is_explained_by(self, clean: Hypothesis) -> bool:
         """Whether what explains the beginning without a background explains all data as well."""
-        result = SearchResult(self.fitter.fit_nominal())
-        self._follow(found, result)
-        return self.has_no_background(result)
+        task = FitTask(
+            clean.members, clean.result.values, self.rules.search.clean_steps, is_bare=True
+        )
+        return explained(self.fitter, task, self._share_of_background) is not None
 
     def _begun_like(self, small: JointDiagnosis, found: SearchResult) -> SearchResult:
         """The leading single effects of a search in the beginning, fitted to all data."""
@@ -285,14 +284,20 @@ class JointDiagnosis:
         result.by_size.append([fits[k] for k in order])
         found.by_size[-1][: len(order)] = [leading[k] for k in order]
 
-    def has_no_background(self, result: SearchResult) -> bool:
-        """Whether one or two causes explain the recordings without any background."""
+    def without_background(self, result: SearchResult) -> Hypothesis | None:
+        """One or two causes that explain the recordings without any background, if there are."""
         whole = self.fitter.whole_background
         if self.fitter.background is None or not (whole[self.present] > 0.0).all():
-            return False
-        share = partial(self.judge.share_of, background=whole)
+            return None
         self.progress("one or two effects, no background", 0.36)
-        return is_clean(self.fitter, result.nominal, result.by_size[0], share)
+        explains_all = self.whole.is_explained_by if self.whole else lambda _: True
+        return clean_explanation(
+            self.fitter, result.nominal, result.by_size[0], self._share_of_background, explains_all
+        )
+
+    def _share_of_background(self, mean_square: Array) -> float:
+        """Mean squares over noise as a share of a whole ordinary background."""
+        return self.judge.share_of(mean_square, background=self.fitter.whole_background)
 
     def _left(self, h: Hypothesis) -> float:
         """Level of a hypothesis over noise and background."""

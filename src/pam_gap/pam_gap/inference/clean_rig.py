@@ -118,13 +118,14 @@ def _task(guess: _Guess, at: int, steps: int) -> FitTask:
     )
 
 
-def is_clean(
+def clean_explanation(
     fitter: HypothesisFitter,
     nominal: Hypothesis,
     singles: Sequence[Hypothesis],
     share: Callable[[Array], float],
-) -> bool:
-    """Whether one cause or two explain the recordings down to the noise, without a background.
+    confirmed: Callable[[Hypothesis], bool] = lambda _: True,
+) -> Hypothesis | None:
+    """One cause or two that explain the recordings down to the noise, without a background.
 
     Parameters
     ----------
@@ -137,6 +138,13 @@ def is_clean(
     share : callable
         Takes the mean squares that a hypothesis without a background leaves, shape (channels,), and
         returns the share of a whole ordinary background that they are.
+    confirmed : callable, optional
+        Whether a fit that explains these recordings counts.
+
+    Returns
+    -------
+    Hypothesis or None
+        The first one that does; None if there is none.
     """
     rules = fitter.rules
     limit = rules.search.clean_left
@@ -145,20 +153,22 @@ def is_clean(
         if share(one.mean_square) < limit and len(likely) < rules.search.clean_pairs:
             likely.setdefault(frozenset(h.label for h in one.members), one)
     at = len(fitter.nuisances)
-    return any(  # one after the other, because the first one that does is enough
-        _explains(fitter, _task(one, at, rules.search.clean_steps), limit, share)
+    fits = (  # one after the other, because the first one that does is enough
+        explained(fitter, _task(one, at, rules.search.clean_steps), share)
         for one in likely.values()
     )
+    return next((fit for fit in fits if fit is not None and confirmed(fit)), None)
 
 
-def _explains(
-    fitter: HypothesisFitter, task: FitTask, limit: float, share: Callable[[Array], float]
-) -> bool:
-    """Whether a fit leaves less than `limit`; it ends where some steps do not halve what it leaves.
+def explained(
+    fitter: HypothesisFitter, task: FitTask, share: Callable[[Array], float]
+) -> Hypothesis | None:
+    """The fit if it leaves little; it ends where some steps do not halve what it leaves.
 
     A pair that is the cause gets there quickly, as its start is close. Any other pair drifts to the
     ends of its ranges, where many integration steps fit into a sample.
     """
+    limit = fitter.rules.search.clean_left
     steps, left = task.max_iterations, np.inf
     for _ in range(0, fitter.rules.search.settled_steps, steps):
         (fit,) = fitter.fit_all([task])
@@ -166,4 +176,4 @@ def _explains(
         if left < limit or left > 0.5 * before:
             break
         task = FitTask.further(fit, steps, is_bare=True)
-    return left < limit
+    return fit if left < limit else None
