@@ -115,6 +115,9 @@ class Joint:
         self.numbers = ["radius", *(f"length {k}" for k in range(len(shares)))]
 
     def changed(self, changes):
+        yield self.with_changes(changes)
+
+    def with_changes(self, changes):
         radius = (1.0 + changes[0]) * self.radius
         muscles = [
             replace(self.one, neutral_length=(1.0 + change) * self.one.neutral_length)
@@ -131,7 +134,7 @@ def test_a_joint_of_any_number_of_muscles_has_its_stiffness_learnt(rig, shares):
     """The motion and the pressures are given; what holds the joint to the motion is known."""
     joint, dynamics = Joint(rig, shares), InverseDynamics.from_joint(compose(rig).joints[0])
     nothing = [0.0] * len(joint.numbers)
-    model, truth = joint.changed(nothing), joint.changed([0.02, *[-0.005] * len(shares)])
+    model, truth = joint.with_changes(nothing), joint.with_changes([0.02, *[-0.005] * len(shares)])
     estimate = StiffnessEstimate(joint, model, dynamics, 30.0)
     for cycle in range(600):
         t = 0.02 * cycle

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import Final, Protocol
+from typing import Any, Final, Protocol
 
 from pam_control.adaptation.rig_numbers import DRY_FRICTION, Place
 from pam_model.effects import effect_value
 from pam_model.joints.joint_statics import JointStatics
 from pam_model.rig import Joint, Rig
+from pam_model.robot import compose
 from pam_model.views.inverse_dynamics import InverseDynamics
 
 OF_MUSCLES: Final = ("thread_length", "turns", "neutral_length")
@@ -36,8 +37,11 @@ class VariedJoint(Protocol):
         """See above."""
         ...
 
-    def changed(self, changes: Sequence[float]) -> JointStatics:
-        """The joint with relative changes of its numbers; PamError where there is none."""
+    def changed(self, changes: Sequence[float]) -> Iterator[JointStatics | None]:
+        """The joint with relative changes of its numbers; PamError where there is none.
+
+        It comes after some None, each after a part of the work that a control cycle has time for.
+        """
         ...
 
     def places(self, dynamics: InverseDynamics) -> list[Place]:
@@ -68,19 +72,20 @@ class JointOfRig:
             if getattr(rig.muscle(name), key, None)
         ]
 
-    def changed(self, changes: Sequence[float]) -> JointStatics:
+    def changed(self, changes: Sequence[float]) -> Iterator[JointStatics | None]:
         """See `VariedJoint`."""
-        rig = self._rig
-        new: dict[str, dict[str, float]] = {}
+        new: dict[str, dict[str, Any]] = {}
         for (owner, key), change in zip(self.numbers, changes, strict=True):
-            part = self._joint if owner == self._joint.name else rig.muscle(owner)
+            part = self._joint if owner == self._joint.name else self._rig.muscle(owner)
             new.setdefault(owner, {})[key] = (1.0 + change) * getattr(part, key)
-        for owner, values in new.items():
-            if owner == self._joint.name:
-                rig = rig.with_joint(replace(rig.joint(owner), **values))  # type: ignore[arg-type]
-            else:
-                rig = rig.with_muscle(replace(rig.muscle(owner), **values))  # type: ignore[arg-type]
-        return JointStatics.from_rig(rig, self._joint.name)
+        joint = replace(self._joint, **new.get(self._joint.name, {}))
+        muscles = tuple(replace(one, **new.get(one.name, {})) for one in self._rig.muscles)
+        yield None
+        rig = replace(self._rig, joints=(joint,), muscles=muscles)
+        yield None
+        robot = compose(rig)
+        yield None
+        yield JointStatics.from_robot(robot, robot.joints[0])
 
     def places(self, dynamics: InverseDynamics) -> list[Place]:
         """See `VariedJoint`."""

@@ -164,6 +164,7 @@ class PositionRows:
         self.estimates = [
             Estimates.of(models, y, a) for models, y, a in zip(joints, self.y, self.a, strict=True)
         ]
+        self._turn = 0  # the joint that has built something last
         for place in range(count):
             self.y[place][Y_STIFFNESS] = math.nan
             self.rest(place)
@@ -228,6 +229,9 @@ class PositionRows:
             is_due = plan_parts(NOW, NOW, *rows)
         else:
             is_due = plan_parts(OBSERVE, NOW, *rows)
+        for place in range(begin, end):
+            self.estimates[place].stiffness.go_on()
+        self._rebuild()
         if is_due:
             for place in range(begin, end):
                 self._learn(place)
@@ -238,6 +242,15 @@ class PositionRows:
             plan_parts(REACHED, REACHED, *rows)
         else:
             plan_parts(AIM, REACHED, *rows)
+
+    def _rebuild(self) -> None:
+        """Let one joint do a part of what takes long, in turns."""
+        for _ in self.estimates:
+            self._turn = (self._turn + 1) % len(self.estimates)
+            stiffness = self.estimates[self._turn].stiffness
+            if stiffness.rebuilds:
+                stiffness.rebuild()
+                return
 
     def _learn(self, place: int) -> None:
         """Update the fits of a joint that are due."""
