@@ -121,13 +121,7 @@ class FirstLook:
 
 
 def first_look(engine: JointDiagnosis) -> FirstLook:
-    """Look at the recordings of a diagnosis that was prepared, but not run.
-
-    Parameters
-    ----------
-    engine : JointDiagnosis
-        The prepared diagnosis.
-    """
+    """Look at the recordings of a diagnosis that was prepared, but not run."""
     problem, fitter = engine.problem, engine.fitter
     name = engine.rig.joint_names[engine.joint]
     missing = what_is_missing(problem)

@@ -90,13 +90,7 @@ def _balance(problem: PredictionProblem, data: Channels) -> tuple[Array, Array]:
 
 
 def end_stop(problem: PredictionProblem) -> EndStop | None:
-    """The end stop that the recordings show; None without one.
-
-    Parameters
-    ----------
-    problem : PredictionProblem
-        Rig and recordings.
-    """
+    """The end stop that the recordings show; None without one."""
     usable = [
         data
         for data in problem.data

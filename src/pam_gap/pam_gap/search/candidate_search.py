@@ -76,17 +76,7 @@ def _twin_starts(twin: Candidate, member: Candidate, values: Array) -> tuple[Arr
 
 
 class CandidateSearch:
-    """One search over candidates.
-
-    Parameters
-    ----------
-    fitter : HypothesisFitter
-        Fitter of the problem.
-    candidates : sequence of Candidate
-        The effects that may be added.
-    progress : callable, optional
-        Called with the task and the completed share.
-    """
+    """One search over candidates."""
 
     def __init__(
         self,
