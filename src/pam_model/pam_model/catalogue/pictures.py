@@ -210,7 +210,7 @@ def identification() -> Figure:
         np.full(length.size, ""),
         False,
     )
-    return draw_fit(fit("tondu_lopez", points, CONTRACTOR), 600)
+    return draw_fit(fit("tondu_lopez", points, CONTRACTOR), points)
 
 
 def _shrinking_path() -> list[float]:
