@@ -225,7 +225,7 @@ def test_a_stop_before_the_board_answers_cancels_the_start(eager: Inside) -> Non
     """An operator who calls ~/vent while autostart waits must not see the arm fill later."""
     node = eager.node
     assert node.autostart()
-    answer = node._on_vent(Trigger.Request(), Trigger.Response())
+    answer = node._calls.on_vent(Trigger.Request(), Trigger.Response())
     assert answer.success
     assert "cancelled" in answer.message
     eager.answer(eager.healthy)
@@ -245,7 +245,7 @@ def test_a_fault_before_the_start_cancels_it_even_when_it_is_cleared(
     eager.answer(lambda: any(one.kind == "board_fault" for one in driver.conditions))
     node._watch()
     assert "the activation at start-up is cancelled by board 0: " in capfd.readouterr().err
-    assert node._on_clear_faults(Trigger.Request(), Trigger.Response()).success
+    assert node._calls.on_clear_faults(Trigger.Request(), Trigger.Response()).success
     eager.answer(eager.healthy)
     node._watch()
     assert not eager.is_active()
@@ -333,7 +333,7 @@ def test_a_latched_fault_that_no_board_keeps_outlives_a_clean_up(
     capfd.readouterr()
     assert node.trigger_activate() != TransitionCallbackReturn.SUCCESS
     assert "a fault from before the clean-up is still latched" in capfd.readouterr().err
-    assert node._on_clear_faults(Trigger.Request(), Trigger.Response()).success
+    assert node._calls.on_clear_faults(Trigger.Request(), Trigger.Response()).success
     inside.answer(inside.healthy)
     assert node.trigger_activate() == TransitionCallbackReturn.SUCCESS
 
@@ -354,7 +354,7 @@ def test_a_fault_that_the_board_keeps_outlives_the_node(
     capfd.readouterr()
     assert node.trigger_activate() != TransitionCallbackReturn.SUCCESS
     assert "board 0: keeps a fault that the driver latched earlier" in capfd.readouterr().err
-    assert node._on_clear_faults(Trigger.Request(), Trigger.Response()).success
+    assert node._calls.on_clear_faults(Trigger.Request(), Trigger.Response()).success
     inside.answer(inside.healthy)
     assert node.trigger_activate() == TransitionCallbackReturn.SUCCESS
 
@@ -433,7 +433,7 @@ def test_the_lamp_is_green_only_while_every_muscle_is_measured_empty(
     node = inside.node
     told: list[str] = []
     monkeypatch.setattr(
-        node._state_topic,
+        node._reported._topic,
         "_lamps",
         SimpleNamespace(publish=lambda message: told.append(message.data)),
     )
@@ -442,7 +442,7 @@ def test_the_lamp_is_green_only_while_every_muscle_is_measured_empty(
     assert node.trigger_activate() == TransitionCallbackReturn.SUCCESS
     node._watch()
     assert told[-1] == "yellow", "ready: a command moves the joint"
-    node._on_vent(Trigger.Request(), Trigger.Response())
+    node._calls.on_vent(Trigger.Request(), Trigger.Response())
     inside.answer(inside.healthy)
     node._watch()
     assert told[-1] == "green"
@@ -458,14 +458,14 @@ def test_every_change_of_state_is_published_with_its_reason(
     node = inside.node
     told: list[str] = []
     monkeypatch.setattr(
-        node._state_topic,
+        node._reported._topic,
         "_states",
         SimpleNamespace(publish=lambda message: told.append(message.message)),
     )
     assert node.autostart()
     inside.answer(inside.healthy)
     assert node.trigger_activate() == TransitionCallbackReturn.SUCCESS
-    node._on_vent(Trigger.Request(), Trigger.Response())
+    node._calls.on_vent(Trigger.Request(), Trigger.Response())
     node._watch()
     node._watch()
     assert node.trigger_cleanup() == TransitionCallbackReturn.SUCCESS
@@ -484,13 +484,13 @@ def test_clear_faults_says_of_an_active_driver_that_it_is_active(inside: Inside)
     assert node.autostart()
     inside.answer(inside.healthy)
     assert node.trigger_activate() == TransitionCallbackReturn.SUCCESS
-    answer = node._on_clear_faults(Trigger.Request(), Trigger.Response())
+    answer = node._calls.on_clear_faults(Trigger.Request(), Trigger.Response())
     assert (answer.success, answer.message) == (True, "ready")
     node._watch()
-    assert node._state_topic.text == "ready", "not: faults cleared, not activated yet"
-    node._on_vent(Trigger.Request(), Trigger.Response())
+    assert node._reported._topic.text == "ready", "not: faults cleared, not activated yet"
+    node._calls.on_vent(Trigger.Request(), Trigger.Response())
     inside.answer(inside.healthy)
-    answer = node._on_clear_faults(Trigger.Request(), Trigger.Response())
+    answer = node._calls.on_clear_faults(Trigger.Request(), Trigger.Response())
     assert answer.message.endswith("; activate to move")
 
 
@@ -503,13 +503,13 @@ def test_the_state_tells_the_controller_whether_full_speed_is_permitted(
         node = inside.node
         assert node.count_subscribers("/pam_driver/full_speed_permitted") == 1
         assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
-        assert "at reduced speed" in node._state_topic.text
+        assert "at reduced speed" in node._reported._topic.text
         node._inputs.on_people(FULL_SPEED, Bool(data=True))
-        node._publish_state()
-        assert "at reduced speed" not in node._state_topic.text
+        node._reported.publish(node._driver)
+        assert "at reduced speed" not in node._reported._topic.text
         node._inputs.on_people(FULL_SPEED, Bool(data=False))
-        node._publish_state()
-        assert "at reduced speed" in node._state_topic.text
+        node._reported.publish(node._driver)
+        assert "at reduced speed" in node._reported._topic.text
     finally:
         inside.close()
 

@@ -19,7 +19,7 @@ from pam_demo.motions import DemoMotion, Window
 from pam_demo.recording import Array, TopicSeries, read_loop_counts, read_recording
 from pam_gap.answer.user_units import told
 from pam_model.errors import PamError
-from pam_model.joints.antagonistic_joint import AntagonisticJoint
+from pam_model.joints.joint_statics import JointStatics
 from pam_model.rig import Rig
 from pam_model.robot import compose
 from pam_model.views.gravity import gravity_torque
@@ -190,11 +190,11 @@ def _means(series: TopicSeries) -> Array:
 def _stiffness_figures(play: Play, rig: Rig, moved: str) -> tuple[list[Figure], list[str]]:
     """Worst deviation of the settled levels, and notes on levels that cannot be reached."""
     robot = compose(rig)
-    joint = AntagonisticJoint.from_robot(robot, robot.joint(moved))
+    joint = JointStatics.from_robot(robot, robot.joint(moved))
     position = float(np.mean(play.measured))
     torque = -gravity_torque(robot.joint(moved), position)
     worst, notes = 0.0, []
-    scale = JointScale.of(robot.joint(moved), joint.statics)
+    scale = JointScale.of(robot.joint(moved), joint)
     rate = scale.complete(ControlSettings()).stiffness_rate
     ends = [entry[0] for entry in play.motion.stiffness[1:]] + [play.motion.duration]
     before = play.motion.stiffness[0][1]

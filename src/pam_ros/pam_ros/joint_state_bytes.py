@@ -182,11 +182,6 @@ class JointStateReader:
     def read(self, data: bytes) -> JointStateFields:
         """The fields of a message.
 
-        Parameters
-        ----------
-        data : bytes
-            The message as it was received.
-
         Raises
         ------
         MalformedMessageError

@@ -108,17 +108,7 @@ class Randomisation:
     def draw(
         self, parameters: PlantParameters, count: int, generator: np.random.Generator
     ) -> Array:
-        """The numbers of `count` joints (count, n_parameters), within the bounds of a rig file.
-
-        Parameters
-        ----------
-        parameters : PlantParameters
-            Gives the numbers that are not drawn.
-        count : int
-            Number of joints.
-        generator : numpy.random.Generator
-            Source of the numbers.
-        """
+        """The numbers of `count` joints (count, n_parameters), within the bounds of a rig file."""
         values = np.repeat(parameters.values[None], count, axis=0)
         for name, spread in self.spreads.items():
             drawn = spread.draw(count, generator)

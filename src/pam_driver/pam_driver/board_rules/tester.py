@@ -79,17 +79,6 @@ class TestLimits:
 class BoardTester:
     """One board on a line.
 
-    Parameters
-    ----------
-    line : Line
-        The bus.
-    codec : BoardCodec
-        Encodes and decodes the frames.
-    number : int
-        The board's number on the bus.
-    limits : TestLimits, optional
-        What the test may do.
-
     Attributes
     ----------
     heard : list of (float, message)

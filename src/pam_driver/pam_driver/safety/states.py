@@ -191,6 +191,8 @@ TRANSITIONS: Final[Mapping[SafetyState, Mapping[SafetyEvent, SafetyState]]] = {
 
 FAULTY: Final = frozenset({_S.FAULT, _S.FAULT_LOWERING})
 """States in which a fault is latched."""
+MOVING: Final = frozenset({_S.CHECKING, _S.READY, _S.ACTIVE})
+"""States of an active driver."""
 
 
 LAMPS: Final[Mapping[SafetyState, str]] = {

@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pam_gap.recordings.recording import LOCKED, TURNED_OVER
-from pam_model.joints.antagonistic_joint import AntagonisticJoint
+from pam_model.joints.joint_statics import JointStatics
 from pam_model.rig import Rig
 from pam_model.robot import compose
 from pam_model.views.gravity import gravity_torque
@@ -131,11 +131,9 @@ class Menu:
         self.rig = rig
         robot = compose(rig)
         self.entry = robot.joints[joint]
-        self.statics = AntagonisticJoint.from_robot(robot, self.entry)
+        self.statics = JointStatics.from_robot(robot, self.entry)
         self.sample_time = sample_time
-        self.highest = min(
-            self.statics.agonist.high_pressure, self.statics.antagonist.high_pressure
-        )
+        self.highest = min(muscle.high_pressure for muscle in self.statics.muscles)
         low, high = self.entry.position_limits
         inside = self.statics.position_range
         self.reach = 0.8 * min(-low, -inside[0], high, inside[1])
@@ -157,8 +155,8 @@ class Menu:
         for i, k in enumerate(at.tolist()):
             q, p = float(position[k]), float(level[k])
             gravity = -gravity_torque(self.entry, q - turn)
-            above = self.statics.torque(p + probe, p - probe, q)
-            below = self.statics.torque(p - probe, p + probe, q)
+            above = self.statics.torque((p + probe, p - probe), q)
+            below = self.statics.torque((p - probe, p + probe), q)
             slope = (above - below) / (2.0 * probe)
             solved[i] = (gravity - 0.5 * (above + below)) / slope if slope > 0.0 else 0.0
         room = np.minimum(

@@ -16,16 +16,16 @@ from typing import Any
 import numpy as np
 
 from pam_gap.diagnose_recordings import joints_to_diagnose, usable_parts
-from pam_gap.diagnosis_engine import JointDiagnosis
+from pam_gap.diagnosis_engine import DiagnosisOptions, JointDiagnosis
 from pam_gap.inference.candidates import Candidate, candidates_for
 from pam_gap.inference.confidence import parameter_intervals
-from pam_gap.inference.search import level
 from pam_gap.inference.selection import NESTED
 from pam_gap.prediction.identifiable import what_is_missing
 from pam_gap.recordings.column_map import load_column_map
 from pam_gap.recordings.computed_channels import without_computed
 from pam_gap.recordings.import_recording import import_recording
 from pam_gap.rules import DEFAULT, Rules
+from pam_gap.search.candidate_search import level
 from pam_model.effects import EFFECTS
 from pam_model.errors import PamError
 from pam_model.plant.parameters import RIG_PLACES
@@ -152,7 +152,7 @@ def follow(task: TrackTask) -> list[dict[str, Any]]:
     read = without_computed(raw, rig, rules.recording)
     number = joints_to_diagnose(rig, [read], task.joint)[0]
     clean = usable_parts(rig, number, [read], rules.recording)
-    engine = JointDiagnosis(rig, number, clean, rules=rules, threads=1)
+    engine = JointDiagnosis(rig, number, clean, DiagnosisOptions(threads=1, rules=rules))
     missing = what_is_missing(engine.problem)
     if missing:
         raise PamError(" ".join(missing))

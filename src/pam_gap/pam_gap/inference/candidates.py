@@ -15,11 +15,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pam_gap.prediction.channel_order import BOTH_FORCES, POSITION
 from pam_gap.prediction.fit import Array, FreeParameter
+from pam_gap.prediction.problem import PredictionProblem
+from pam_gap.recordings.recording import LOCKED, SHUT
 from pam_gap.rules import DEFAULT
 from pam_gap.rules.search_rules import SearchRules
 from pam_model.effects import EFFECTS, Effect, Range, RigScales
-from pam_model.plant.layout import MUSCLES as SIDES
+from pam_model.plant.joint_muscles import SIDES
 from pam_model.plant.written_numbers import written_numbers
 from pam_model.rig import Joint, Rig
 from pam_model.robot import compose
@@ -169,35 +172,26 @@ def candidates_for(rig: Rig, joint: Joint, sides: Sequence[str] = SIDES) -> tupl
     )
 
 
-def applicable(
-    effect: str,
-    *,
-    commands: bool,
-    position: bool,
-    pulls: bool,
-    shut: bool = False,
-    moves: bool = True,
-) -> bool:
-    """Whether the recorded channels can show an effect at all.
+def shown_candidates(problem: PredictionProblem) -> tuple[Candidate, ...]:
+    """The effects that the recorded channels and motions of a problem can show at all."""
+    mountings = {data.recording.mounting for data in problem.data}
+    recorded = {
+        "commands": problem.has_commands,
+        "position": problem.present[POSITION],
+        "pulls": problem.present[BOTH_FORCES].any(),
+    }
 
-    Parameters
-    ----------
-    effect : str
-        Name in `EFFECTS`.
-    commands, position, pulls : bool
-        Whether valve commands, joint position and load cells were recorded.
-    shut : bool
-        Whether the valves were shut all the time.
-    moves : bool
-        Whether the joint moved in any recording. A locked joint shows no effect of the joint.
-    """
-    search = EFFECTS[effect].search
-    if not moves and EFFECTS[effect].stage == "joint":
-        return False
-    if shut and EFFECTS[effect].stage == "valve":
-        return search.shows_when_shut
-    recorded = {"commands": commands, "position": position, "pulls": pulls}
-    return not search.shown_by or any(recorded[channel] for channel in search.shown_by)
+    def is_shown(effect: Effect) -> bool:
+        if effect.stage == "joint" and mountings == {LOCKED}:
+            return False
+        if effect.stage == "valve" and mountings == {SHUT}:
+            return effect.search.shows_when_shut
+        shown_by = effect.search.shown_by
+        return not shown_by or any(recorded[channel] for channel in shown_by)
+
+    joint = problem.rig.joints[problem.joint]
+    every = candidates_for(problem.rig, joint, problem.sides)
+    return tuple(candidate for candidate in every if is_shown(EFFECTS[candidate.effect]))
 
 
 @dataclass(frozen=True, slots=True)

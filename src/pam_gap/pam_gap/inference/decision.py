@@ -309,17 +309,7 @@ class Judge:
     def decide[S: Score](
         self, nominal: Score, tried: Sequence[S], unlisted: Sequence[S] = ()
     ) -> Decision[S]:
-        """Choose a hypothesis and give the verdict about it.
-
-        Parameters
-        ----------
-        nominal : Score
-            Score of the re-tuned plant without effects.
-        tried : sequence of Score
-            Scores of the hypotheses.
-        unlisted : sequence of Score
-            Scores of causes outside the table of effects.
-        """
+        """Choose a hypothesis and give the verdict about it."""
         self.set_floor([nominal, *tried, *unlisted])
         return self.about(nominal, tried, self.choose(nominal, tried), unlisted)
 

@@ -354,7 +354,7 @@ class HypothesisFitter:
             self.nominal = self.fit((), values, cached=jacobian, max_iterations=steps)
         return self.nominal
 
-    def without_background(self) -> None:
+    def drop_background(self) -> None:
         """Fit every hypothesis without an ordinary background from now on; `parts` remains."""
         self.background, self.nominal = None, self.bare
         self.discrepancy = self.whole_background

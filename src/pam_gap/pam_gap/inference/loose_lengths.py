@@ -122,15 +122,7 @@ def shared_probabilities(
 
 
 def loose_lengths(fitter: HypothesisFitter, hypothesis: Hypothesis) -> LooseLengths | None:
-    """The re-tuned lengths of a hypothesis; None unless they explain most of an error.
-
-    Parameters
-    ----------
-    fitter : HypothesisFitter
-        Fitter of the problem.
-    hypothesis : Hypothesis
-        A fitted hypothesis of it.
-    """
+    """The re-tuned lengths of a hypothesis; None unless they explain most of an error."""
     problem, rig = fitter.problem, fitter.problem.rig
     lengths = [
         k

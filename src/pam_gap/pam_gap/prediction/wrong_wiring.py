@@ -158,13 +158,7 @@ def _evidence(found: Directions, joint: str) -> str:
 
 
 def wrong_wiring(problem: PredictionProblem) -> tuple[str, ...]:
-    """What is swapped or reversed in the recordings, in full sentences; empty if nothing is.
-
-    Parameters
-    ----------
-    problem : PredictionProblem
-        Rig and recordings.
-    """
+    """What is swapped or reversed in the recordings, in full sentences; empty if nothing is."""
     present, rules = problem.present, problem.rules.recording
     if not present.any() or not problem.counted.any():
         return ()

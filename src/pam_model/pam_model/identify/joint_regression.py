@@ -18,7 +18,7 @@ from scipy.signal import butter, lfilter, sosfiltfilt
 
 from pam_model.errors import PamError
 from pam_model.gas import GAS_CONSTANT
-from pam_model.joints.antagonistic_joint import AntagonisticJoint
+from pam_model.joints.joint_statics import JointStatics
 from pam_model.physics.joint_geometry import AGONIST_SIGN, ANTAGONIST_SIGN, muscle_length
 from pam_model.rig.types import Muscle, Rig
 from pam_model.robot.compose import compose
@@ -123,17 +123,17 @@ def ridge(
 
 def _tensions(rig: Rig, joint: int, pressures: Array, position: Array) -> Array:
     """Torque of either muscle alone, agonist and antagonist, shape (N, 2); NaN outside a model."""
-    model = AntagonisticJoint.from_rig(rig, joint)
+    model = JointStatics.from_rig(rig, joint)
     torque = np.full((len(position), 2), np.nan)
-    for k, (q, (first, second)) in enumerate(
+    for k, (q, pair) in enumerate(
         zip(position.tolist(), np.maximum(pressures, 0.0).tolist(), strict=True)
     ):
         try:
-            pulls = model.tensions(first, second, q)
+            pulls = model.tensions(pair, q)
         except PamError:
             continue
         torque[k] = pulls[0], -pulls[1]
-    return model.pulley_radius * torque
+    return model.radius * torque
 
 
 def body_regression(

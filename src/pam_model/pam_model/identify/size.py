@@ -16,7 +16,7 @@ from pam_model.errors import PamError
 from pam_model.gas.constants import GAS_CONSTANT, REFERENCE_TEMPERATURE
 from pam_model.gas.flow import mass_flow, reference_flow
 from pam_model.identify.design import MuscleDesign, design
-from pam_model.joints.antagonistic_joint import AntagonisticJoint
+from pam_model.joints.joint_statics import JointStatics
 from pam_model.rig.from_datasheet import BraidFromDatasheet
 from pam_model.rig.new_rig import NewRig
 from pam_model.rig.types import Rig
@@ -193,7 +193,7 @@ def torque_and_stiffness(rig: Rig, pressure: float) -> dict[str, list[float]]:
         `greatest_stiffness` [N m/rad] without torque.
     """
     joint = rig.joints[0]
-    model = AntagonisticJoint.from_rig(rig, joint.name)
+    model = JointStatics.from_rig(rig, joint.name)
     lower, upper = joint.position_limits
     found: dict[str, list[float]] = {
         name: []
@@ -206,8 +206,8 @@ def torque_and_stiffness(rig: Rig, pressure: float) -> dict[str, list[float]]:
         low, high = (model.pressures_for(0.0, k, position).stiffness for k in (0.0, 1e9))
         for name, value in zip(
             found,
-            (position, model.torque(pressure, 0.0, position),
-             model.torque(0.0, pressure, position), low, high),
+            (position, model.torque((pressure, 0.0), position),
+             model.torque((0.0, pressure), position), low, high),
             strict=True,
         ):  # fmt: skip
             found[name].append(float(value))

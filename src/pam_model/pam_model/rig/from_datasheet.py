@@ -149,17 +149,7 @@ class BraidFromDatasheet:
     def section(
         self, name: str, model: str = "chou_hannaford", constants: Mapping[str, float] | None = None
     ) -> str:
-        """The keys of a muscle `name` as YAML, in the rig file's order.
-
-        Parameters
-        ----------
-        name : str
-            The muscle.
-        model : str
-            Its force model.
-        constants : mapping of str to float, optional
-            Constants of the model.
-        """
+        """The keys of a muscle `name` as YAML, in the rig file's order."""
         about = "ideal braid; " if model == "chou_hannaford" else ""
         written = [f"        {key}: {value:.8g}" for key, value in (constants or {}).items()]
         return "\n".join(

@@ -37,15 +37,7 @@ class SensorQuality:
 
 
 class BoardSensors:
-    """The analogue inputs of one board.
-
-    Parameters
-    ----------
-    quality : SensorQuality
-        Noise and resolution.
-    seed : sequence of int
-        Seed of the noise.
-    """
+    """The analogue inputs of one board."""
 
     BLOCK = 1024
 

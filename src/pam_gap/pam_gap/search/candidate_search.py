@@ -18,6 +18,8 @@ from pam_gap.inference.candidates import Candidate, richer_starts
 from pam_gap.inference.hypothesis import FitTask, Hypothesis, HypothesisFitter
 from pam_gap.inference.selection import NESTED
 from pam_gap.prediction.fit import Array, Slopes
+from pam_gap.rules.search_rules import SearchRules
+from pam_gap.search.growth import GrowthStep
 
 Progress = Callable[[str, float], None]
 """Called with the current task and the completed share of the whole work."""
@@ -44,11 +46,22 @@ class SearchResult:
         Entry k holds the hypotheses of k + 1 effects, best first.
     singles : tuple of str
         All effects, in the order of their levels as single effects.
+    causes : frozenset of str
+        Effects that are causes although their size is ordinary.
+    growth : list of (GrowthStep, bool)
+        After each size, the state of the search, and whether one more effect was sought.
     """
 
     nominal: Hypothesis
     by_size: list[list[Hypothesis]] = field(default_factory=list)
     singles: tuple[str, ...] = ()
+    causes: frozenset[str] = frozenset()
+    growth: list[tuple[GrowthStep, bool]] = field(default_factory=list)
+
+    def leading(self, rules: SearchRules) -> list[list[Hypothesis]]:
+        """The best hypotheses of each size, which get a held-out score."""
+        shares = (rules.finalists_one, rules.finalists_two, rules.finalists_three)
+        return [found[: shares[min(size, 2)]] for size, found in enumerate(self.by_size)]
 
 
 def _twin_starts(twin: Candidate, member: Candidate, values: Array) -> tuple[Array, ...]:
@@ -63,17 +76,7 @@ def _twin_starts(twin: Candidate, member: Candidate, values: Array) -> tuple[Arr
 
 
 class CandidateSearch:
-    """One search over candidates.
-
-    Parameters
-    ----------
-    fitter : HypothesisFitter
-        Fitter of the problem.
-    candidates : sequence of Candidate
-        The effects that may be added.
-    progress : callable, optional
-        Called with the task and the completed share.
-    """
+    """One search over candidates."""
 
     def __init__(
         self,
