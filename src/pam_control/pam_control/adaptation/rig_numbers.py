@@ -14,7 +14,6 @@ Source: Bayesian linear regression, C. M. Bishop, Pattern Recognition and Machin
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple

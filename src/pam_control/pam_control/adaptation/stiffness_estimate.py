@@ -50,6 +50,7 @@ from pam_control.adaptation.varied_joint import VariedJoint
 from pam_control.limited import limited
 from pam_control.rows.plan_rows import N_MEMORY
 from pam_model.errors import PamError
+from pam_model.joints.joint_muscle import JointMuscle
 from pam_model.joints.joint_statics import JointStatics
 from pam_model.plant.compiled import for_kernel, prepare
 from pam_model.views.inverse_dynamics import InverseDynamics
@@ -61,6 +62,7 @@ LONGEST_STEP: Final = 0.1  # s; after a longer pause the filters begin anew
 LINEAR_FOR: Final = 0.7  # s of motion, after which the derivatives are taken anew
 LINEAR_WITHIN: Final = 1e-3  # relative; so near to where they were taken they hold
 BENT: Final = 1.5  # of the noise; the fit leaves more where the derivatives do not hold
+IN_A_PART: Final = 2  # pulls that are computed in one cycle
 OLD_SHARE: Final = 0.1  # of what was seen with other derivatives
 DIFFERENCE: Final = 1e-3  # relative step of the derivatives
 MOST: Final = 1.15  # by which a stiffness command is corrected
@@ -214,15 +216,23 @@ class StiffnessEstimate:
     def _learn(
         self, elapsed: float, pressures: Sequence[float], position: float, known: float
     ) -> Iterator[None]:
-        torque, inputs, about = self._model.torque(pressures, position), self._inputs, self._about
+        inputs, about, pulls = self._inputs, self._about, []
+        for number, (muscle, arm, joint_muscle) in enumerate(self._distinct):
+            if number % IN_A_PART == 0:
+                yield
+            length = joint_muscle.neutral_length - arm * position
+            pulls.append(max(float(joint_muscle.model.force(pressures[muscle], length)), 0.0))
+        yield
+        torque, *others = (
+            each.torque_of([pulls[place] for place in places])
+            for each, places in zip((self._model, *self._changed), self._places, strict=True)
+        )
         whole = torque + known
-        for place, (each, at) in enumerate(zip(self._changed, about, strict=True)):
-            yield
-            slope = (each.torque(pressures, position) - torque) / DIFFERENCE
-            inputs[1 + place] = slope
+        for number, (other, at) in enumerate(zip(others, about, strict=True)):
+            slope = (other - torque) / DIFFERENCE
+            inputs[1 + number] = slope
             # as if the model were that of the rig file, so that the changes are counted from it
             whole -= slope * at
-        yield
         move_memory(self._slip, 0, position, elapsed)
         inputs[0], count = whole, 1 + len(about)
         inputs[count] = element(self._slip, 0, 0)
@@ -280,11 +290,27 @@ class StiffnessEstimate:
         self._about: list[float] = about.tolist()
         self._weights[ABOUT][:count] = self._about
         self._model, *self._changed = built
+        self._share_pulls(built)
         # at the ends of the range of one model, another one may not be defined
         ranges = [each.position_range for each in (self._written, *built)]
         self._low, self._high = max(low for low, _ in ranges), min(high for _, high in ranges)
         self._moved = 0.0
         self._tolerance.fade(OLD_SHARE)
+
+    def _share_pulls(self, built: Sequence[JointStatics]) -> None:
+        """Find the pulls that differ between the models: most have a muscle that is unchanged."""
+        found: dict[tuple[int, float, int], int] = {}
+        self._distinct: list[tuple[int, float, JointMuscle]] = []
+        self._places: list[list[int]] = []
+        for joint in built:
+            places = []
+            for number, (muscle, arm) in enumerate(zip(joint.muscles, joint.arms, strict=True)):
+                key = number, arm, id(muscle)
+                if key not in found:
+                    found[key] = len(self._distinct)
+                    self._distinct.append((number, arm, muscle))
+                places.append(found[key])
+            self._places.append(places)
 
     def numbers(self) -> RigNumbers:
         """The numbers that the rig file of this joint should have, a load and friction included."""

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Final, Protocol
 
 from pam_control.adaptation.rig_numbers import DRY_FRICTION, Place
 from pam_model.effects import effect_value
+from pam_model.joints.joint_muscle import JointMuscle
 from pam_model.joints.joint_statics import JointStatics
 from pam_model.rig import Joint, Rig
 from pam_model.robot import compose
 from pam_model.views.inverse_dynamics import InverseDynamics
 
 OF_MUSCLES: Final = ("thread_length", "turns", "neutral_length")
+MOST_MUSCLES: Final = 64  # that are kept, because changed joints share them
 
 
 class VariedJoint(Protocol):
@@ -64,6 +66,7 @@ class JointOfRig:
         # of one joint alone, because the models with changed numbers are built in a control cycle
         muscles = tuple(rig.muscle(name) for name in joint.muscles)
         self._rig, self._joint = replace(rig, joints=(joint,), muscles=muscles), joint
+        self._muscles: dict[tuple[str | float, ...], JointMuscle] = {}
         self.tolerance = rig.parameter_tolerance
         self.numbers: list[tuple[str, str]] = [(joint.name, "pulley_radius")] + [
             (name, key)
@@ -85,7 +88,19 @@ class JointOfRig:
         yield None
         robot = compose(rig)
         yield None
-        yield JointStatics.from_robot(robot, robot.joints[0])
+        yield self._sharing(JointStatics.from_robot(robot, robot.joints[0]), new)
+
+    def _sharing(self, made: JointStatics, new: Mapping[str, dict[str, float]]) -> JointStatics:
+        """The same joint with the muscles of others that it shares all numbers with."""
+        if len(self._muscles) > MOST_MUSCLES:
+            self._muscles.clear()
+        muscles = [
+            self._muscles.setdefault((name, *new.get(name, {}).values()), muscle)
+            for name, muscle in zip(self._joint.muscles, made.muscles, strict=True)
+        ]
+        return JointStatics(
+            muscles, made.arms, ambient_pressure=made.ambient_pressure, exponent=made.exponent
+        )
 
     def places(self, dynamics: InverseDynamics) -> list[Place]:
         """See `VariedJoint`."""

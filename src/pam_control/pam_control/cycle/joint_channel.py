@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
+from itertools import compress, product
+from typing import Any, Final
 
 from pam_control.control_step import (
     JointTelemetry,
@@ -312,7 +313,7 @@ class JointChannel:
         self._x[X_TORQUE_LIMITED] = 0.0
         self._law_telemetry = self._telemetry.law._replace(clipped=())
 
-    def tell(self, x: list[float], k: list[float]) -> None:
+    def tell(self, w: list[list[float]], x: list[float], k: list[float]) -> None:
         """Keep the telemetry of a cycle, from the joint's rows."""
         law, unexplained = self._law_telemetry, math.nan
         if law is None:
@@ -324,24 +325,29 @@ class JointChannel:
                 x[X_REACHED_STIFFNESS],
                 x[X_TRUE_STIFFNESS],
                 x[X_DISTURBANCE],
-                _named(x[X_TORQUE_LIMITED], "torque") + _named(x[X_STIFFNESS_LIMITED], "stiffness"),
+                _PLAN_LIMITS[x[X_TORQUE_LIMITED] > 0.0, x[X_STIFFNESS_LIMITED] > 0.0],
             )
         clipped = law.clipped
         if k[K_RATE_LIMITED] or k[K_VALVE_LIMITED]:
-            clipped += _named(k[K_RATE_LIMITED], "pressure_rate")
-            clipped += _named(k[K_VALVE_LIMITED], "valve")
+            clipped += _VALVE_LIMITS[k[K_RATE_LIMITED] > 0.0, k[K_VALVE_LIMITED] > 0.0]
         self._law_telemetry = None
         self._telemetry = JointTelemetry(
             JointReference(x[X_SEEN + 1], x[X_SEEN + 2], x[X_SEEN + 3]),
             MeasuredMotion(k[K_POSITION], k[K_VELOCITY], k[K_TIME]),
             k[K_SEEN_ERROR],
-            self._desired,
+            tuple([muscle[W_DESIRED] for muscle in w]),
             clipped,
-            sum(loop.behind_tube for loop in self.loops),
+            sum([loop.behind_tube for loop in self.loops]),
             law,
             unexplained,
         )
 
 
-def _named(is_limited: float, name: str) -> tuple[str, ...]:
-    return (name,) if is_limited > 0.0 else ()
+def _told(*names: str) -> dict[tuple[bool, ...], tuple[str, ...]]:
+    """What is told of limits of these names, by whether each was reached."""
+    cases = product((False, True), repeat=len(names))
+    return {case: tuple(compress(names, case)) for case in cases}
+
+
+_PLAN_LIMITS: Final = _told("torque", "stiffness")
+_VALVE_LIMITS: Final = _told("pressure_rate", "valve")
