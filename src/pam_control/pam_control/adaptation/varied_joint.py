@@ -10,7 +10,7 @@ from pam_control.adaptation.rig_numbers import DRY_FRICTION, Place
 from pam_model.effects import effect_value
 from pam_model.joints.joint_muscle import JointMuscle
 from pam_model.joints.joint_statics import JointStatics
-from pam_model.rig import Joint, Rig
+from pam_model.rig import Joint, Muscle, Rig
 from pam_model.robot import compose
 from pam_model.views.inverse_dynamics import InverseDynamics
 
@@ -82,9 +82,15 @@ class JointOfRig:
             part = self._joint if owner == self._joint.name else self._rig.muscle(owner)
             new.setdefault(owner, {})[key] = (1.0 + change) * getattr(part, key)
         joint = replace(self._joint, **new.get(self._joint.name, {}))
-        muscles = tuple(replace(one, **new.get(one.name, {})) for one in self._rig.muscles)
+        muscles: list[Muscle] = []
+        for one in self._rig.muscles:
+            yield None
+            muscles.append(replace(one, **new.get(one.name, {})))
         yield None
-        rig = replace(self._rig, joints=(joint,), muscles=muscles)
+        rig = replace(self._rig, joints=(joint,), muscles=tuple(muscles))
+        for one in muscles:
+            yield None
+            rig.force_model(one.name)  # the rig keeps it for the robot
         yield None
         robot = compose(rig)
         yield None

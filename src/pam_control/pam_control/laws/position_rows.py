@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -89,6 +89,10 @@ from pam_model.joints.muscle_inverse import L_RATIO
 from pam_model.plant.compiled import for_kernel, prepare
 from pam_model.plant.layout import N_MUSCLE_STATES
 from pam_model.views.joint_numbers import is_closed_form, joint_numbers
+
+
+JOINTS_PER_PART: Final = 3
+"""Of several joints whose models are built anew, one in so many does a part of it in a cycle."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -244,13 +248,16 @@ class PositionRows:
             plan_parts(AIM, REACHED, *rows)
 
     def _rebuild(self) -> None:
-        """Let one joint do a part of what takes long, in turns."""
+        """Let few joints do a part of what takes long, in turns."""
+        parts = math.ceil(len(self.estimates) / JOINTS_PER_PART)
         for _ in self.estimates:
             self._turn = (self._turn + 1) % len(self.estimates)
             stiffness = self.estimates[self._turn].stiffness
             if stiffness.rebuilds:
                 stiffness.rebuild()
-                return
+                parts -= 1
+                if parts == 0:
+                    return
 
     def _learn(self, place: int) -> None:
         """Update the fits of a joint that are due."""
