@@ -141,13 +141,7 @@ class StartUpCheck:
         return self._phase is _Phase.DONE
 
     def start(self, now: float) -> None:
-        """Begin with the first muscle.
-
-        Parameters
-        ----------
-        now : float
-            Monotonic time [s].
-        """
+        """Begin with the first muscle."""
         self.findings: tuple[Condition, ...] = ()
         self._muscle = self._pauses = 0
         self._cycle_at = now

@@ -107,13 +107,6 @@ class ValveCommandIntake:
     def take(self, command: NamedCommand, now: float) -> tuple[float, ...]:
         """Fractions of full scale by muscle.
 
-        Parameters
-        ----------
-        command : NamedCommand
-            The command as received.
-        now : float
-            Monotonic time [s].
-
         Raises
         ------
         CommandRefusedError
