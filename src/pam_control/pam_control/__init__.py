@@ -14,9 +14,7 @@ The names are imported when they are first used, so that importing the package t
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from pam_ros.lazy_names import lazy_names
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from pam_control.control_step import ControlOutput, Measurement
@@ -36,14 +34,41 @@ __all__ = [
     "TrajectoryPoint",
 ]
 
-__getattr__, __dir__ = lazy_names(
-    __name__,
-    {
-        "control_step": "ControlOutput Measurement",
-        "controller": "Controller",
-        "laws.law": "Law",
-        "laws.pressure_ratio_pid": "PressureRatioPid",
-        "references.trajectory": "TrajectoryPoint",
-        "settings": "ControlSettings",
-    },
-)
+
+def __getattr__(name: str) -> Any:
+    """Import a public name."""
+    match name:
+        case "__version__":
+            from pam_ros.version import installed_version
+
+            return installed_version(__name__)
+        case "ControlOutput" | "Measurement":
+            from pam_control import control_step
+
+            return getattr(control_step, name)
+        case "Controller":
+            from pam_control import controller
+
+            return getattr(controller, name)
+        case "Law":
+            from pam_control.laws import law
+
+            return getattr(law, name)
+        case "PressureRatioPid":
+            from pam_control.laws import pressure_ratio_pid
+
+            return getattr(pressure_ratio_pid, name)
+        case "ControlSettings":
+            from pam_control import settings
+
+            return getattr(settings, name)
+        case "TrajectoryPoint":
+            from pam_control.references import trajectory
+
+            return getattr(trajectory, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    """All names, including public names that were not imported yet."""
+    return sorted({*globals(), *__all__})

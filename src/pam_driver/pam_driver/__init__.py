@@ -12,9 +12,7 @@ The names are imported when they are first used, so that importing the package t
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from pam_ros.lazy_names import lazy_names
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from pam_driver.can_bus.bus import CanPort, open_bus
@@ -28,11 +26,29 @@ __all__ = [
     "open_bus",
 ]
 
-__getattr__, __dir__ = lazy_names(
-    __name__,
-    {
-        "can_bus.bus": "CanPort open_bus",
-        "driver": "Driver",
-        "driver_settings": "DriverSettings",
-    },
-)
+
+def __getattr__(name: str) -> Any:
+    """Import a public name."""
+    match name:
+        case "__version__":
+            from pam_ros.version import installed_version
+
+            return installed_version(__name__)
+        case "CanPort" | "open_bus":
+            from pam_driver.can_bus import bus
+
+            return getattr(bus, name)
+        case "Driver":
+            from pam_driver.driver import Driver
+
+            return Driver
+        case "DriverSettings":
+            from pam_driver.driver_settings import DriverSettings
+
+            return DriverSettings
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    """All names, including those that have not been imported yet."""
+    return sorted({*globals(), *__all__})

@@ -11,9 +11,7 @@ The names are imported when they are first used, so that importing the package t
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from pam_ros.lazy_names import lazy_names
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from pam_gap.answer.diagnosis import Diagnosis
@@ -31,13 +29,37 @@ __all__ = [
     "import_recording",
 ]
 
-__getattr__, __dir__ = lazy_names(
-    __name__,
-    {
-        "answer.diagnosis": "Diagnosis",
-        "diagnose_recordings": "diagnose",
-        "diagnosis_files": "diagnose_files",
-        "recordings.import_recording": "import_recording",
-        "recordings.recording": "Recording RecordingError",
-    },
-)
+
+def __getattr__(name: str) -> Any:
+    """Import a public name."""
+    match name:
+        case "__version__":
+            from pam_ros.version import installed_version
+
+            return installed_version(__name__)
+        case "Diagnosis":
+            from pam_gap.answer import diagnosis
+
+            return getattr(diagnosis, name)
+        case "diagnose_files":
+            from pam_gap import diagnosis_files
+
+            return getattr(diagnosis_files, name)
+        case "diagnose":
+            from pam_gap import diagnose_recordings
+
+            return getattr(diagnose_recordings, name)
+        case "import_recording":
+            from pam_gap.recordings import import_recording
+
+            return getattr(import_recording, name)
+        case "Recording" | "RecordingError":
+            from pam_gap.recordings import recording
+
+            return getattr(recording, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    """All names, including those that were not imported yet."""
+    return sorted({*globals(), *__all__})

@@ -15,9 +15,7 @@ A name is imported when it is first used, so that importing the package is fast.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from pam_ros.lazy_names import lazy_names
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from pam_model.effects import EFFECTS
@@ -52,18 +50,57 @@ __all__ = [
     "simulate_measured",
 ]
 
-__getattr__, __dir__ = lazy_names(
-    __name__,
-    {
-        "effects": "EFFECTS",
-        "errors": "PamError RigError",
-        "identify.compare": "compare",
-        "identify.fit": "fit",
-        "identify.measurements": "load_measurements",
-        "joints.joint_statics": "JointStatics",
-        "muscles.force_model": "MuscleGeometry create_force_model registered_models",
-        "plant.parameters": "PlantParameters",
-        "plant.simulate": "Plant initial_state simulate simulate_measured",
-        "rig": "Rig load_rig save_rig",
-    },
-)
+
+def __getattr__(name: str) -> Any:
+    """Import a public name at its first use."""
+    match name:
+        case "__version__":
+            from pam_ros.version import installed_version
+
+            return installed_version(__name__)
+        case "EFFECTS":
+            from pam_model import effects
+
+            return getattr(effects, name)
+        case "PamError" | "RigError":
+            from pam_model import errors
+
+            return getattr(errors, name)
+        case "compare":
+            from pam_model.identify import compare
+
+            return getattr(compare, name)
+        case "fit":
+            from pam_model.identify import fit
+
+            return getattr(fit, name)
+        case "load_measurements":
+            from pam_model.identify import measurements
+
+            return getattr(measurements, name)
+        case "JointStatics":
+            from pam_model.joints import joint_statics
+
+            return getattr(joint_statics, name)
+        case "MuscleGeometry" | "create_force_model" | "registered_models":
+            from pam_model.muscles import force_model
+
+            return getattr(force_model, name)
+        case "PlantParameters":
+            from pam_model.plant import parameters
+
+            return getattr(parameters, name)
+        case "Plant" | "initial_state" | "simulate" | "simulate_measured":
+            from pam_model.plant import simulate
+
+            return getattr(simulate, name)
+        case "Rig" | "load_rig" | "save_rig":
+            from pam_model import rig
+
+            return getattr(rig, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    """All names, including those that were not used yet."""
+    return sorted({*globals(), *__all__})

@@ -12,9 +12,7 @@ The names are imported when they are first used, so that importing the package t
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from pam_ros.lazy_names import lazy_names
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from pam_ros.parameter_row import Parameter
@@ -31,13 +29,37 @@ __all__ = [
     "spin_node",
 ]
 
-__getattr__, __dir__ = lazy_names(
-    __name__,
-    {
-        "parameter_row": "Parameter",
-        "parameters": "NodeParameters",
-        "periodic": "PeriodicLoop",
-        "spin": "spin_node",
-        "transport": "leave_out_shared_memory",
-    },
-)
+
+def __getattr__(name: str) -> Any:
+    """Import a public name."""
+    match name:
+        case "__version__":
+            from pam_ros.version import installed_version
+
+            return installed_version(__name__)
+        case "NodeParameters":
+            from pam_ros import parameters
+
+            return getattr(parameters, name)
+        case "Parameter":
+            from pam_ros import parameter_row
+
+            return getattr(parameter_row, name)
+        case "PeriodicLoop":
+            from pam_ros import periodic
+
+            return getattr(periodic, name)
+        case "spin_node":
+            from pam_ros import spin
+
+            return getattr(spin, name)
+        case "leave_out_shared_memory":
+            from pam_ros import transport
+
+            return getattr(transport, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    """All names, including those that have not been imported yet."""
+    return sorted({*globals(), *__all__})

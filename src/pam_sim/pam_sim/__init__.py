@@ -10,9 +10,7 @@ The names are imported when they are first used, so that importing the package t
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from pam_ros.lazy_names import lazy_names
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from pam_sim.rig_loop import RigLoop
@@ -23,10 +21,25 @@ __all__ = [
     "SimulatedRig",
 ]
 
-__getattr__, __dir__ = lazy_names(
-    __name__,
-    {
-        "rig_loop": "RigLoop",
-        "simulated_rig": "SimulatedRig",
-    },
-)
+
+def __getattr__(name: str) -> Any:
+    """Import a public name."""
+    match name:
+        case "__version__":
+            from pam_ros.version import installed_version
+
+            return installed_version(__name__)
+        case "RigLoop":
+            from pam_sim import rig_loop
+
+            return getattr(rig_loop, name)
+        case "SimulatedRig":
+            from pam_sim import simulated_rig
+
+            return getattr(simulated_rig, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    """All names, including those that have not been imported yet."""
+    return sorted({*globals(), *__all__})
