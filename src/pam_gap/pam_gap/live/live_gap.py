@@ -22,8 +22,8 @@ from pam_gap.recordings.recording import (
     RawChannel,
     RawRecording,
     RecordingError,
-    resample,
 )
+from pam_gap.recordings.resample import resample
 from pam_gap.rules import DEFAULT
 from pam_model.rig import Rig
 
