@@ -36,26 +36,14 @@ def level(mean_square: Array, floor: Array, present: Array) -> float:
 
 @dataclass(slots=True)
 class SearchResult:
-    """All hypotheses that were tried.
+    """All hypotheses that were tried."""
 
-    Attributes
-    ----------
-    nominal : Hypothesis
-        The plant re-tuned without effects.
-    by_size : list of list of Hypothesis
-        Entry k holds the hypotheses of k + 1 effects, best first.
-    singles : tuple of str
-        All effects, in the order of their levels as single effects.
-    causes : frozenset of str
-        Effects that are causes although their size is ordinary.
-    growth : list of (GrowthStep, bool)
-        After each size, the state of the search, and whether one more effect was sought.
-    """
-
-    nominal: Hypothesis
+    nominal: Hypothesis  # the plant re-tuned without effects
+    # entry k holds the hypotheses of k + 1 effects, best first
     by_size: list[list[Hypothesis]] = field(default_factory=list)
-    singles: tuple[str, ...] = ()
-    causes: frozenset[str] = frozenset()
+    singles: tuple[str, ...] = ()  # all effects, in the order of their levels as single effects
+    causes: frozenset[str] = frozenset()  # effects that are causes although their size is ordinary
+    # after each size, the state of the search, and whether one more effect was sought
     growth: list[tuple[GrowthStep, bool]] = field(default_factory=list)
 
     def leading(self, rules: SearchRules) -> list[list[Hypothesis]]:

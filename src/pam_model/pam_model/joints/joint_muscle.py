@@ -9,27 +9,15 @@ from pam_model.muscles.force_model import AffineForceModel, ForceModel
 
 @dataclass(frozen=True, slots=True)
 class JointMuscle:
-    """The properties of a muscle that its joint needs.
+    """The properties of a muscle that its joint needs."""
 
-    Attributes
-    ----------
-    model : ForceModel
-        The static force.
-    neutral_length : float
-        At joint position 0 [m].
-    low_pressure, high_pressure : float
-        Range of the commands [Pa gauge].
-    dead_volume : float
-        [m^3].
-    affine_model : AffineForceModel or None
-        The same model if it is affine in pressure, so that its inverse is exact.
-    """
-
-    model: ForceModel
-    neutral_length: float
+    model: ForceModel  # the static force
+    neutral_length: float  # at joint position 0 [m]
+    # low_pressure, high_pressure: range of the commands [Pa gauge]
     low_pressure: float
     high_pressure: float
-    dead_volume: float = 0.0
+    dead_volume: float = 0.0  # [m^3]
+    # the same model if it is affine in pressure, so that its inverse is exact
     affine_model: AffineForceModel | None = field(init=False)
 
     def __post_init__(self) -> None:

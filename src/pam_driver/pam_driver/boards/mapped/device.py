@@ -46,31 +46,16 @@ class Selected(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class MappedInput:
-    """A measurement: SI = gain * counts + bias.
+    """A measurement: SI = gain * counts + bias."""
 
-    Attributes
-    ----------
-    what : str
-        PRESSURE_INPUT [Pa gauge], ANGLE_INPUT [rad] or SUPPLY_INPUT [Pa absolute].
-    channel : int, str
-        As muscles and joints name it; "" for the supply pressure.
-    signal : Selected
-        Where it is in the message.
-    gain, bias : float
-        Conversion from counts to SI.
-    invalid : mapping of int to str
-        Raw values that mean no measurement, with their names.
-    wraps : bool
-        An angle that is brought to -pi to pi.
-    """
-
-    what: str
-    channel: Channel
-    signal: Selected
+    what: str  # PRESSURE_INPUT [Pa gauge], ANGLE_INPUT [rad] or SUPPLY_INPUT [Pa absolute]
+    channel: Channel  # as muscles and joints name it; "" for the supply pressure
+    signal: Selected  # where it is in the message
+    # gain, bias: conversion from counts to SI
     gain: float
     bias: float
-    invalid: Mapping[int, str]
-    wraps: bool = False
+    invalid: Mapping[int, str]  # raw values that mean no measurement, with their names
+    wraps: bool = False  # an angle that is brought to -pi to pi
 
 
 class MappedOutput(NamedTuple):
