@@ -29,19 +29,12 @@ _held: dict[int, socket.socket] = {}
 
 @dataclass(frozen=True, slots=True)
 class BusChoice:
-    """A CAN bus by python-can's names.
+    """A CAN bus by python-can's names."""
 
-    Attributes
-    ----------
-    interface, channel : str
-        As python-can takes them.
-    port : int
-        UDP port of a multicast bus, 0 for others.
-    """
-
+    # interface, channel: as python-can takes them
     interface: str
     channel: str
-    port: int = 0
+    port: int = 0  # UDP port of a multicast bus, 0 for others
 
     @property
     def parameters(self) -> dict[str, Setting]:

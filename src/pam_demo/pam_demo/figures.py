@@ -74,25 +74,15 @@ class Figure:
 
 @dataclass(frozen=True, slots=True)
 class Play:
-    """One motion played by one control law; times count from its first waypoint.
+    """One motion played by one control law; times count from its first waypoint."""
 
-    Attributes
-    ----------
-    law : str
-        A key of NAMES.
-    motion : DemoMotion
-        The commanded motion.
-    times, asked, measured : array, shape (n,)
-        Time [s], reference and measured position [rad].
-    pressures, valves, stiffness : TopicSeries
-        Pressures [Pa], valve commands, stiffness [N m/rad].
-    """
-
-    law: str
-    motion: DemoMotion
+    law: str  # a key of NAMES
+    motion: DemoMotion  # the commanded motion
+    # times, asked, measured: shape (n,): time [s], reference and measured position [rad]
     times: Array
     asked: Array
     measured: Array
+    # pressures, valves, stiffness: pressures [Pa], valve commands, stiffness [N m/rad]
     pressures: TopicSeries
     valves: TopicSeries
     stiffness: TopicSeries

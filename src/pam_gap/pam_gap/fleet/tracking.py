@@ -36,31 +36,18 @@ RULES = DEFAULT.fleet
 
 @dataclass(frozen=True, slots=True)
 class TrackTask:
-    """One joint of one recording, and the effects to fit.
+    """One joint of one recording, and the effects to fit."""
 
-    Attributes
-    ----------
-    recording, rig : Path
-        The recording and its rig file.
-    joint : str
-        Name of the joint.
-    labels : tuple of str
-        Labels of the candidates, such as "leakage" or "pressure_bias (agonist)".
-    starts : tuple of mapping
-        For each candidate, parameter -> value at which the fit may start; from the diagnoses.
-    rules : Rules
-        Hand-set constants.
-    map_path : Path or None
-        Map file for tables with other names or units.
-    """
-
+    # recording, rig: the recording and its rig file
     recording: Path
     rig: Path
-    joint: str
+    joint: str  # name of the joint
+    # labels of the candidates, such as "leakage" or "pressure_bias (agonist)"
     labels: tuple[str, ...]
+    # for each candidate, parameter -> value at which the fit may start; from the diagnoses
     starts: tuple[Mapping[str, float], ...]
-    rules: Rules = DEFAULT
-    map_path: Path | None = None
+    rules: Rules = DEFAULT  # hand-set constants
+    map_path: Path | None = None  # map file for tables with other names or units
 
 
 def labels_found(answer: Mapping[str, Any]) -> tuple[str, ...]:

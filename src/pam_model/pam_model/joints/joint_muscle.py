@@ -28,27 +28,16 @@ class JointMuscle:
 
 @dataclass(slots=True)
 class JointPressures:
-    """Pressures, the achieved torque and stiffness, and which requests were limited.
+    """Pressures, the achieved torque and stiffness, and which requests were limited."""
 
-    Attributes
-    ----------
-    pressures : tuple of float
-        One for each muscle of the joint, in its order [Pa gauge].
-    torque : float
-        Achieved [N m].
-    stiffness : float
-        Achieved, at constant pressures [N m/rad].
-    torque_limited, stiffness_limited : bool
-        Whether the request was outside the reachable range; torque has priority over stiffness.
-    position_limited : bool
-        Whether the position was outside `position_range` and its nearest limit was used.
-    """
-
-    pressures: tuple[float, ...]
-    torque: float
-    stiffness: float
+    pressures: tuple[float, ...]  # one for each muscle of the joint, in its order [Pa gauge]
+    torque: float  # achieved [N m]
+    stiffness: float  # achieved, at constant pressures [N m/rad]
+    # torque_limited, stiffness_limited: whether the request was outside the reachable range; torque
+    # has priority over stiffness
     torque_limited: bool
     stiffness_limited: bool
+    # whether the position was outside `position_range` and its nearest limit was used
     position_limited: bool
 
     @property
