@@ -17,9 +17,9 @@ from pam_gap.inference.evidence import Evidence
 from pam_gap.inference.named_effects import named_effects
 from pam_gap.inference.probabilities import agreed, probabilities
 from pam_gap.inference.score import Score
+from pam_gap.inference.search_growth import grows
 from pam_gap.prediction.locate import worst_stage
 from pam_gap.rules import Rules
-from pam_gap.search.growth import grows
 from pam_model.effects import EFFECTS
 
 

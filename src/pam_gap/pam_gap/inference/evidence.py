@@ -17,10 +17,10 @@ from typing import Any
 import numpy as np
 
 from pam_gap.inference.score import Score
+from pam_gap.inference.search_growth import GrowthStep
 from pam_gap.prediction.fit import Array
 from pam_gap.prediction.locate import StageGap
 from pam_gap.recordings.array_files import npz_arrays
-from pam_gap.search.growth import GrowthStep
 from pam_model.errors import PamError
 from pam_model.reading import reading
 

@@ -25,6 +25,7 @@ import numpy as np
 from pam_gap.inference.background import Background, SensorPart, encoder_part, sensor_parts
 from pam_gap.inference.held_out import Folds, HeldOut, score_all
 from pam_gap.inference.hypothesis import FitTask, Hypothesis, HypothesisFitter
+from pam_gap.inference.score import level
 from pam_gap.prediction.channel_order import POSITION
 from pam_gap.prediction.channels import Channels
 from pam_gap.prediction.end_stop import EndStop, end_stop
@@ -32,7 +33,6 @@ from pam_gap.prediction.fit import Array
 from pam_gap.prediction.linear_terms import LinearTerms
 from pam_gap.prediction.problem import PredictionProblem
 from pam_gap.rules import Rules
-from pam_gap.search.candidate_search import level
 from pam_model.plant.uneven_pulley import UnevenPulley
 
 LARGEST = 1000.0

@@ -16,10 +16,11 @@ import numpy as np
 
 from pam_gap.inference.candidates import Candidate, richer_starts
 from pam_gap.inference.hypothesis import FitTask, Hypothesis, HypothesisFitter
+from pam_gap.inference.score import level
+from pam_gap.inference.search_growth import GrowthStep
 from pam_gap.inference.selection import NESTED
 from pam_gap.prediction.fit import Array, Slopes
 from pam_gap.rules.search_rules import SearchRules
-from pam_gap.search.growth import GrowthStep
 
 Progress = Callable[[str, float], None]
 """Called with the current task and the completed share of the whole work."""
@@ -27,11 +28,6 @@ Progress = Callable[[str, float], None]
 
 def silent(task: str, share: float) -> None:
     """Progress function that reports nothing."""
-
-
-def level(mean_square: Array, floor: Array, present: Array) -> float:
-    """Sum over channels of the log mean square over the floor, at least 0 in a channel."""
-    return float(np.sum(np.log(np.maximum(mean_square / floor, 1.0))[present]))
 
 
 @dataclass(slots=True)
