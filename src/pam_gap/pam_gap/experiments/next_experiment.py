@@ -240,18 +240,10 @@ class ExperimentPlanner:
 
 @dataclass(frozen=True, slots=True)
 class Proposal:
-    """The proposed experiment, and how the rest of the menu compares with it.
+    """The proposed experiment, and how the rest of the menu compares with it."""
 
-    Attributes
-    ----------
-    problem : PredictionProblem
-        The rig and recordings that it is proposed for.
-    ranking : tuple of Separation
-        The whole menu, best first.
-    """
-
-    problem: PredictionProblem
-    ranking: tuple[Separation, ...]
+    problem: PredictionProblem  # the rig and recordings that it is proposed for
+    ranking: tuple[Separation, ...]  # the whole menu, best first
 
     @property
     def best(self) -> Separation:
