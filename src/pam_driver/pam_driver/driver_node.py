@@ -65,15 +65,9 @@ NAME = "pam_driver"
 
 
 class Partner(Protocol):
-    """A controller in the same process, which takes part in the driver's cycle.
+    """A controller in the same process, which takes part in the driver's cycle."""
 
-    Attributes
-    ----------
-    source : str
-        Who computed its commands, as its messages on `valve_commands` say it.
-    """
-
-    source: str
+    source: str  # who computed its commands, as its messages on `valve_commands` say it
 
     def control(self, snapshot: Snapshot) -> object:
         """Compute commands for this cycle, and hand them to `DriverNode.take_commands`."""

@@ -6,7 +6,6 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from rclpy.node import Node
 from std_srvs.srv import Trigger
 
 from pam_driver.driver import Driver
@@ -37,7 +36,7 @@ class DriverServices:
 
     def __init__(
         self,
-        node: Node,
+        node: Any,
         driver: Callable[[], Driver | None],
         start_up: StartUp,
         reported: ReportedState,

@@ -64,23 +64,13 @@ NOT_IMPROVED = (
 
 @dataclass(frozen=True, slots=True)
 class DiagnosisOptions:
-    """How a diagnosis is made.
+    """How a diagnosis is made."""
 
-    Attributes
-    ----------
-    threads : int
-        Number of simulations that run in parallel; 0 for one per processor, at most 4.
-    progress : callable
-        Called with the current task and the completed share, 0 to 1.
-    rules : Rules
-        Hand-set constants of the diagnosis.
-    with_experiment : bool
-        Whether the next experiment is sought; for a muscle on a bench, none is.
-    """
-
+    # number of simulations that run in parallel; 0 for one per processor, at most 4
     threads: int = 0
-    progress: Progress = silent
-    rules: Rules = DEFAULT
+    progress: Progress = silent  # called with the current task and the completed share, 0 to 1
+    rules: Rules = DEFAULT  # hand-set constants of the diagnosis
+    # whether the next experiment is sought; for a muscle on a bench, none is
     with_experiment: bool = True
 
     @property

@@ -66,26 +66,14 @@ class RetunedGap:
 
 @dataclass(frozen=True, slots=True)
 class FirstLook:
-    """What a first look at the recordings of one joint shows.
+    """What a first look at the recordings of one joint shows."""
 
-    Attributes
-    ----------
-    joint : str
-        Name of the joint.
-    missing : tuple of str
-        Why no answer is possible; empty if one is.
-    stage : str or None
-        The stage with the largest gap when it is simulated from its measured inputs.
-    gaps : tuple of RetunedGap
-        The channel with the largest share of its motion first.
-    effects : tuple of Resemblance
-        The effect that removes most of the error first; empty if the error does not matter.
-    """
-
-    joint: str
-    missing: tuple[str, ...] = ()
+    joint: str  # name of the joint
+    missing: tuple[str, ...] = ()  # why no answer is possible; empty if one is
+    # the stage with the largest gap when it is simulated from its measured inputs
     stage: str | None = None
-    gaps: tuple[RetunedGap, ...] = ()
+    gaps: tuple[RetunedGap, ...] = ()  # the channel with the largest share of its motion first
+    # the effect that removes most of the error first; empty if the error does not matter
     effects: tuple[Resemblance, ...] = ()
 
     def text(self) -> str:

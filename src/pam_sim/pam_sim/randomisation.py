@@ -28,17 +28,10 @@ QUANTILE = 1.6448536269514722
 
 @dataclass(frozen=True, slots=True)
 class Spread:
-    """A number that is not known exactly.
+    """A number that is not known exactly."""
 
-    Attributes
-    ----------
-    value : float
-        Its estimate, in SI units.
-    low, high : float
-        Its 90 % interval.
-    """
-
-    value: float
+    value: float  # its estimate, in SI units
+    # low, high: its 90 % interval
     low: float
     high: float
 

@@ -35,40 +35,23 @@ LOWEST = 0.03  # of the highest pressure: lower limit of a reference
 
 @dataclass(frozen=True, slots=True)
 class Excitation:
-    """One entry of the menu, sampled for one rig.
+    """One entry of the menu, sampled for one rig."""
 
-    Attributes
-    ----------
-    name : str
-        Identifier.
-    instruction : str
-        Instruction for people.
-    time : ndarray, shape (n,)
-        Time from 0 [s].
-    position : ndarray, shape (n,)
-        Reference [rad].
-    level, difference : ndarray, shape (n,)
-        Mean and half the difference of the pressure references [Pa gauge], agonist first.
-    position_gain : float
-        Gain from the position error to `difference` [Pa/rad]; 0 without feedback of the position.
-    open_from : float
-        Time from which `open_commands` replace the pressure loop [s]; infinite for never.
-    open_commands : tuple of float
-        Commands of the agonist's and the antagonist's valve.
-    mounting : str
-        Empty, `recording.TURNED_OVER` or `recording.LOCKED`.
-    """
-
-    name: str
-    instruction: str
-    time: Array
-    position: Array
+    name: str  # identifier
+    instruction: str  # instruction for people
+    time: Array  # shape (n,): time from 0 [s]
+    position: Array  # shape (n,): reference [rad]
+    # level, difference: shape (n,): mean and half the difference of the pressure references [Pa
+    # gauge], agonist first
     level: Array
     difference: Array
+    # gain from the position error to `difference` [Pa/rad]; 0 without feedback of the position
     position_gain: float
+    # time from which `open_commands` replace the pressure loop [s]; infinite for never
     open_from: float = math.inf
+    # commands of the agonist's and the antagonist's valve
     open_commands: tuple[float, float] = (0.0, 0.0)
-    mounting: str = ""
+    mounting: str = ""  # empty, `recording.TURNED_OVER` or `recording.LOCKED`
 
     @property
     def sample_time(self) -> float:

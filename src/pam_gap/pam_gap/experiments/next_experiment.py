@@ -94,7 +94,7 @@ def simulate_excitation(
     dt = excitation.sample_time
     count = excitation.time.size
     measured, commands = np.zeros((count, N_CHANNELS)), np.zeros((count, 2))
-    seen: tuple[float, float, float] = (0.0, *pressures)
+    seen: tuple[float, ...] = (0.0, *pressures)
     for k, time in enumerate(excitation.time.tolist()):
         output = plant.output
         position, agonist, antagonist = seen
@@ -240,18 +240,10 @@ class ExperimentPlanner:
 
 @dataclass(frozen=True, slots=True)
 class Proposal:
-    """The proposed experiment, and how the rest of the menu compares with it.
+    """The proposed experiment, and how the rest of the menu compares with it."""
 
-    Attributes
-    ----------
-    problem : PredictionProblem
-        The rig and recordings that it is proposed for.
-    ranking : tuple of Separation
-        The whole menu, best first.
-    """
-
-    problem: PredictionProblem
-    ranking: tuple[Separation, ...]
+    problem: PredictionProblem  # the rig and recordings that it is proposed for
+    ranking: tuple[Separation, ...]  # the whole menu, best first
 
     @property
     def best(self) -> Separation:

@@ -19,13 +19,13 @@ from pam_gap.diagnose_recordings import joints_to_diagnose, usable_parts
 from pam_gap.diagnosis_engine import DiagnosisOptions, JointDiagnosis
 from pam_gap.inference.candidates import Candidate, candidates_for
 from pam_gap.inference.confidence import parameter_intervals
+from pam_gap.inference.score import level
 from pam_gap.inference.selection import NESTED
 from pam_gap.prediction.identifiable import what_is_missing
 from pam_gap.recordings.column_map import load_column_map
 from pam_gap.recordings.computed_channels import without_computed
 from pam_gap.recordings.import_recording import import_recording
 from pam_gap.rules import DEFAULT, Rules
-from pam_gap.search.candidate_search import level
 from pam_model.effects import EFFECTS
 from pam_model.errors import PamError
 from pam_model.plant.parameters import RIG_PLACES
@@ -36,31 +36,18 @@ RULES = DEFAULT.fleet
 
 @dataclass(frozen=True, slots=True)
 class TrackTask:
-    """One joint of one recording, and the effects to fit.
+    """One joint of one recording, and the effects to fit."""
 
-    Attributes
-    ----------
-    recording, rig : Path
-        The recording and its rig file.
-    joint : str
-        Name of the joint.
-    labels : tuple of str
-        Labels of the candidates, such as "leakage" or "pressure_bias (agonist)".
-    starts : tuple of mapping
-        For each candidate, parameter -> value at which the fit may start; from the diagnoses.
-    rules : Rules
-        Hand-set constants.
-    map_path : Path or None
-        Map file for tables with other names or units.
-    """
-
+    # recording, rig: the recording and its rig file
     recording: Path
     rig: Path
-    joint: str
+    joint: str  # name of the joint
+    # labels of the candidates, such as "leakage" or "pressure_bias (agonist)"
     labels: tuple[str, ...]
+    # for each candidate, parameter -> value at which the fit may start; from the diagnoses
     starts: tuple[Mapping[str, float], ...]
-    rules: Rules = DEFAULT
-    map_path: Path | None = None
+    rules: Rules = DEFAULT  # hand-set constants
+    map_path: Path | None = None  # map file for tables with other names or units
 
 
 def labels_found(answer: Mapping[str, Any]) -> tuple[str, ...]:

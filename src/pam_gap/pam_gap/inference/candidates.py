@@ -31,30 +31,15 @@ from pam_model.views.effect_scales import effect_scales
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """One possible explanation: an effect and the muscles on which it acts.
+    """One possible explanation: an effect and the muscles on which it acts."""
 
-    Attributes
-    ----------
-    effect : str
-        Name in `pam_model.effects.EFFECTS`.
-    side : str
-        "agonist" or "antagonist" for a one-sided effect, else empty.
-    free : tuple of FreeParameter
-        Parameters that the fit changes.
-    targets : tuple of tuple of str
-        For each of them, the plant parameters that it sets.
-    starts : tuple of ndarray
-        Starting values of the search.
-    ordinary : tuple of (float, float)
-        For each parameter, its neutral value and the largest distance from it on an ordinary good
-        rig; the distance is 0 where a good rig has none of the effect, and for shapes.
-    """
-
-    effect: str
-    side: str
-    free: tuple[FreeParameter, ...]
-    targets: tuple[tuple[str, ...], ...]
-    starts: tuple[Array, ...]
+    effect: str  # name in `pam_model.effects.EFFECTS`
+    side: str  # "agonist" or "antagonist" for a one-sided effect, else empty
+    free: tuple[FreeParameter, ...]  # parameters that the fit changes
+    targets: tuple[tuple[str, ...], ...]  # for each of them, the plant parameters that it sets
+    starts: tuple[Array, ...]  # starting values of the search
+    # for each parameter, its neutral value and the largest distance from it on an ordinary good
+    # rig; the distance is 0 where a good rig has none of the effect, and for shapes
     ordinary: tuple[tuple[float, float], ...] = ()
 
     def is_ordinary(self, values: Array) -> bool:
@@ -196,21 +181,11 @@ def shown_candidates(problem: PredictionProblem) -> tuple[Candidate, ...]:
 
 @dataclass(frozen=True, slots=True)
 class Nuisance:
-    """A nuisance parameter: a number that may deviate without being an effect.
+    """A nuisance parameter: a number that may deviate without being an effect."""
 
-    Attributes
-    ----------
-    free : FreeParameter
-        The parameter; its fit starts at its centre.
-    targets : tuple of str
-        The plant parameters that it sets or scales.
-    is_factor : bool
-        Whether it multiplies the values of the rig file.
-    """
-
-    free: FreeParameter
-    targets: tuple[str, ...]
-    is_factor: bool
+    free: FreeParameter  # the parameter; its fit starts at its centre
+    targets: tuple[str, ...]  # the plant parameters that it sets or scales
+    is_factor: bool  # whether it multiplies the values of the rig file
 
     @property
     def is_transport(self) -> bool:

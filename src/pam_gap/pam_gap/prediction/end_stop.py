@@ -31,24 +31,12 @@ KNEES = np.linspace(-0.2, 0.9, 12)
 
 @dataclass(frozen=True, slots=True)
 class EndStop:
-    """A one-sided spring at one end of the motion.
+    """A one-sided spring at one end of the motion."""
 
-    Attributes
-    ----------
-    sign : float
-        1 at the upper end, -1 at the lower end.
-    begins : float
-        Angle from which it acts [rad].
-    stiffness : float
-        [N m/rad].
-    gain : float
-        Share of the squared torque that a smooth law leaves and the stop explains.
-    """
-
-    sign: float
-    begins: float
-    stiffness: float
-    gain: float
+    sign: float  # 1 at the upper end, -1 at the lower end
+    begins: float  # angle from which it acts [rad]
+    stiffness: float  # [N m/rad]
+    gain: float  # share of the squared torque that a smooth law leaves and the stop explains
 
     @property
     def name(self) -> str:

@@ -37,21 +37,11 @@ RIGHT_ANGLE = 0.3
 
 @dataclass(frozen=True, slots=True)
 class EncoderReading:
-    """How a recorded position follows from the angle of the joint.
+    """How a recorded position follows from the angle of the joint."""
 
-    Attributes
-    ----------
-    unit : str
-        Its unit.
-    is_reversed : bool
-        Whether it counts the other way.
-    offset : float
-        What it shows at the angle 0 [rad].
-    """
-
-    unit: str
-    is_reversed: bool
-    offset: float
+    unit: str  # its unit
+    is_reversed: bool  # whether it counts the other way
+    offset: float  # what it shows at the angle 0 [rad]
 
     @property
     def right_angles(self) -> int:

@@ -11,16 +11,16 @@ from pam_gap.inference.candidates import Candidate
 from pam_gap.inference.decision import Judge
 from pam_gap.inference.held_out import Folds, HeldOut, block_sums
 from pam_gap.inference.hypothesis import FitTask, Hypothesis, HypothesisFitter
+from pam_gap.inference.score import level
+from pam_gap.inference.search_growth import GrowthStep, grows
 from pam_gap.prediction.fit import Array
 from pam_gap.search.candidate_search import (
     CandidateSearch,
     Progress,
     SearchResult,
-    level,
     silent,
 )
 from pam_gap.search.clean_rig import clean_explanation
-from pam_gap.search.growth import GrowthStep, grows
 
 
 def always(explanation: Hypothesis) -> bool:

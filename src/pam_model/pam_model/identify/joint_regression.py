@@ -37,27 +37,13 @@ ROUNDS = 3
 
 @dataclass(frozen=True, slots=True)
 class MotionRecord:
-    """Signals of one joint at a constant rate.
+    """Signals of one joint at a constant rate."""
 
-    Attributes
-    ----------
-    sample_time : float
-        [s].
-    commands : ndarray, shape (N, 2) or None
-        Of the valves, agonist first.
-    pressures : ndarray, shape (N, 2)
-        [Pa gauge].
-    position : ndarray, shape (N,)
-        [rad].
-    turned : float
-        Angle by which the joint is mounted differently from the rig file [rad].
-    """
-
-    sample_time: float
-    commands: Array | None
-    pressures: Array
-    position: Array
-    turned: float = 0.0
+    sample_time: float  # [s]
+    commands: Array | None  # shape (N, 2): of the valves, agonist first
+    pressures: Array  # shape (N, 2): [Pa gauge]
+    position: Array  # shape (N,): [rad]
+    turned: float = 0.0  # angle by which the joint is mounted differently from the rig file [rad]
 
 
 def corner_of(sample_time: float) -> float:

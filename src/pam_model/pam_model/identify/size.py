@@ -34,33 +34,16 @@ POINTS = 41
 
 @dataclass(frozen=True, slots=True)
 class JointSize:
-    """A joint that meets the requirements.
+    """A joint that meets the requirements."""
 
-    Attributes
-    ----------
-    torque : float
-        Wanted at every angle [N m].
-    pulley_radius : float
-        [m].
-    muscle : MuscleDesign
-        Each of the two muscles.
-    peak_flow : float
-        Largest mass flow that a valve has to pass [kg/s].
-    sonic_conductance : float
-        C of a valve that passes it, into the muscle and out of it [m^3/(s Pa)].
-    nominal_flow : float
-        The same as catalogues state it, from 6 to 5 bar gauge [l/min ANR].
-    supply_pressure : float
-        For which the valve is sized [Pa gauge].
-    """
-
-    torque: float
-    pulley_radius: float
-    muscle: MuscleDesign
-    peak_flow: float
+    torque: float  # wanted at every angle [N m]
+    pulley_radius: float  # [m]
+    muscle: MuscleDesign  # each of the two muscles
+    peak_flow: float  # largest mass flow that a valve has to pass [kg/s]
+    # C of a valve that passes it, into the muscle and out of it [m^3/(s Pa)]
     sonic_conductance: float
-    nominal_flow: float
-    supply_pressure: float
+    nominal_flow: float  # the same as catalogues state it, from 6 to 5 bar gauge [l/min ANR]
+    supply_pressure: float  # for which the valve is sized [Pa gauge]
 
     @property
     def braid(self) -> BraidFromDatasheet:

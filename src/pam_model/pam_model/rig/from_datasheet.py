@@ -19,24 +19,12 @@ from pam_ros.program_name import PROGRAM
 
 @dataclass(frozen=True, slots=True)
 class BraidFromDatasheet:
-    """A braid as the rig file needs it.
+    """A braid as the rig file needs it."""
 
-    Attributes
-    ----------
-    thread_length : float
-        b [m].
-    turns : float
-        n [-].
-    rest_length : float
-        [m].
-    wall_thickness : float
-        [m].
-    """
-
-    thread_length: float
-    turns: float
-    rest_length: float
-    wall_thickness: float = 0.0
+    thread_length: float  # b [m]
+    turns: float  # n [-]
+    rest_length: float  # [m]
+    wall_thickness: float = 0.0  # [m]
 
     @classmethod
     def measured(
