@@ -90,7 +90,6 @@ from pam_model.plant.compiled import for_kernel, prepare
 from pam_model.plant.layout import N_MUSCLE_STATES
 from pam_model.views.joint_numbers import is_closed_form, joint_numbers
 
-
 JOINTS_PER_PART: Final = 3
 """Of several joints whose models are built anew, one in so many does a part of it in a cycle."""
 
