@@ -70,7 +70,6 @@ from pam_control.rows.plan_rows import (
     Y_REFERENCE,
     Y_STIFFNESS,
 )
-from pam_model.plant.compiled import listed
 
 FILTER: Final = 0.03  # s, T
 EVERY: Final = 0.01  # s between two updates of the fit
@@ -292,7 +291,7 @@ class TorqueAdaptation:
         speed_before, speed_twice = float(row[A_SPEED_BEFORE]), float(row[A_SPEED_TWICE])
         if abs(speed_twice) > STILL:
             # the difference below is the acceleration half a period ago
-            before, now = (listed(row[at : at + N_SAMPLE]) for at in (A_BEFORE, A_TWICE))
+            before, now = (map(float, row[at : at + N_SAMPLE]) for at in (A_BEFORE, A_TWICE))
             smooth = [0.5 * (one + other) for one, other in zip(before, now, strict=True)]
             speed = 0.5 * (speed_before + speed_twice)
             motion = (speed, (float(row[A_SPEED_ONCE]) - speed_twice) / FILTER)
