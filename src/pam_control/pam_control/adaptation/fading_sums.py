@@ -66,8 +66,11 @@ class FadingSums:
     """
 
     def __init__(self, size: int) -> None:
-        shapes = (size, size), (size,), (N_TOTALS,)
-        self.rows: tuple[Any, Any, Any] = tuple(for_kernel(np.zeros(shape)) for shape in shapes)  # type: ignore[assignment]
+        self.rows: tuple[Any, Any, Any] = (
+            for_kernel(np.zeros((size, size))),
+            for_kernel(np.zeros(size)),
+            for_kernel(np.zeros(N_TOTALS)),
+        )
 
     @property
     def products(self) -> Array:
@@ -90,4 +93,5 @@ class FadingSums:
 
     def left(self, found: Array) -> float:
         """Root mean square of what these weights leave of the target, in its unit."""
-        return float(rms_left(*map(listed, self.rows), found.tolist()))
+        products, targets, totals = map(listed, self.rows)
+        return rms_left(products, targets, totals, found.tolist())
