@@ -165,9 +165,8 @@ class ControlCycle:
         demand(table.owned, rows.w, rows.x, rows.k, rows.u, valves.demands, step)
         found, cut = valves.command(time - measured_at, step)
         settle(table.owned, rows.x, rows.k, rows.u, cut, step, share is not None)
-        told = zip(self.channels, *map(listed, (rows.w, rows.x, rows.k)), strict=True)
-        for channel, w, x, k in told:
-            channel.tell(w, x, k)
+        for channel, x, k in zip(self.channels, listed(rows.x), listed(rows.k), strict=True):
+            channel.tell(x, k)
         commands = [math.nan] * self._count
         for place, command in zip(table.places, listed(found), strict=True):
             commands[place] = command

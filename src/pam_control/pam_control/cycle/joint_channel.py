@@ -109,7 +109,7 @@ class JointChannel:
     @property
     def _desired(self) -> PerMuscle:
         """Desired pressures of the muscles [Pa]."""
-        return tuple(float(muscle[W_DESIRED]) for muscle in self._w)
+        return tuple([float(muscle[W_DESIRED]) for muscle in self._w])
 
     def _desire(self, pressures: Sequence[float]) -> None:
         for muscle, pressure in zip(self._w, pressures, strict=True):
@@ -313,7 +313,7 @@ class JointChannel:
         self._x[X_TORQUE_LIMITED] = 0.0
         self._law_telemetry = self._telemetry.law._replace(clipped=())
 
-    def tell(self, w: list[list[float]], x: list[float], k: list[float]) -> None:
+    def tell(self, x: list[float], k: list[float]) -> None:
         """Keep the telemetry of a cycle, from the joint's rows."""
         law, unexplained = self._law_telemetry, math.nan
         if law is None:
@@ -335,7 +335,7 @@ class JointChannel:
             JointReference(x[X_SEEN + 1], x[X_SEEN + 2], x[X_SEEN + 3]),
             MeasuredMotion(k[K_POSITION], k[K_VELOCITY], k[K_TIME]),
             k[K_SEEN_ERROR],
-            tuple([muscle[W_DESIRED] for muscle in w]),
+            self._desired,
             clipped,
             sum([loop.behind_tube for loop in self.loops]),
             law,
