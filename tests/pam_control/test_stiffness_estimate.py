@@ -185,7 +185,7 @@ def estimates_of(rig, period, cycles):
         pressures = [2.5e5 + 1e5 * np.sin((1.0 + 0.3 * k) * t + k) for k in range(2)]
         needed = dynamics.torque(position, speed, acceleration)
         estimate.go_on()
-        estimate.rebuild()
+        estimate.rebuild(period)
         estimate.learn(period, pressures, position, needed - truth.torque(pressures, position))
         parts.append(counting.parts - before)
     return estimate, parts, truth.stiffness((2.5e5, 2e5), 0.1)

@@ -62,6 +62,7 @@ LONGEST_STEP: Final = 0.1  # s; after a longer pause the filters begin anew
 LINEAR_FOR: Final = 0.7  # s of motion, after which the derivatives are taken anew
 LINEAR_WITHIN: Final = 1e-3  # relative; so near to where they were taken they hold
 BENT: Final = 1.5  # of the noise; the fit leaves more where the derivatives do not hold
+PARTS_PER_SECOND: Final = 500.0  # of models that are built
 IN_A_PART: Final = 4  # pulls that are computed in one cycle
 OLD_SHARE: Final = 0.1  # of what was seen with other derivatives
 DIFFERENCE: Final = 1e-3  # relative step of the derivatives
@@ -208,10 +209,11 @@ class StiffnessEstimate:
         if self._sample is not None and next(self._sample, self) is self:
             self._sample = None
 
-    def rebuild(self) -> None:
-        """Do a part of the work at the models for other derivatives, which takes longer."""
-        if self._derivatives is not None and next(self._derivatives, self) is self:
-            self._derivatives = None
+    def rebuild(self, step: float) -> None:
+        """Do what a cycle [s] has time for at the models for other derivatives."""
+        for _ in range(max(1, round(step * PARTS_PER_SECOND))):
+            if self._derivatives is not None and next(self._derivatives, self) is self:
+                self._derivatives = None
 
     def _learn(
         self, elapsed: float, pressures: Sequence[float], position: float, known: float

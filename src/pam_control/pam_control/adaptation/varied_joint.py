@@ -11,7 +11,7 @@ from pam_model.effects import effect_value
 from pam_model.joints.joint_muscle import JointMuscle
 from pam_model.joints.joint_statics import JointStatics
 from pam_model.rig import Joint, Muscle, Rig
-from pam_model.robot import compose
+from pam_model.robot import compose_in_parts
 from pam_model.views.inverse_dynamics import InverseDynamics
 
 OF_MUSCLES: Final = ("thread_length", "turns", "neutral_length")
@@ -88,13 +88,10 @@ class JointOfRig:
             muscles.append(replace(one, **new.get(one.name, {})))
         yield None
         rig = replace(self._rig, joints=(joint,), muscles=tuple(muscles))
-        for one in muscles:
+        for robot in compose_in_parts(rig):
             yield None
-            rig.force_model(one.name)  # the rig keeps it for the robot
-        yield None
-        robot = compose(rig)
-        yield None
-        yield self._sharing(JointStatics.from_robot(robot, robot.joints[0]), new)
+            if robot is not None:
+                yield self._sharing(JointStatics.from_robot(robot, robot.joints[0]), new)
 
     def _sharing(self, made: JointStatics, new: Mapping[str, dict[str, float]]) -> JointStatics:
         """The same joint with the muscles of others that it shares all numbers with."""

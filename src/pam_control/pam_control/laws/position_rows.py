@@ -234,7 +234,7 @@ class PositionRows:
             is_due = plan_parts(OBSERVE, NOW, *rows)
         for place in range(begin, end):
             self.estimates[place].stiffness.go_on()
-        self._rebuild()
+        self._rebuild(step)
         if is_due:
             for place in range(begin, end):
                 self._learn(place)
@@ -246,16 +246,16 @@ class PositionRows:
         else:
             plan_parts(AIM, REACHED, *rows)
 
-    def _rebuild(self) -> None:
-        """Let few joints do a part of what takes long, in turns."""
-        parts = math.ceil(len(self.estimates) / JOINTS_PER_PART)
+    def _rebuild(self, step: float) -> None:
+        """Let few joints do parts of what takes long, in turns."""
+        chosen = math.ceil(len(self.estimates) / JOINTS_PER_PART)
         for _ in self.estimates:
             self._turn = (self._turn + 1) % len(self.estimates)
             stiffness = self.estimates[self._turn].stiffness
             if stiffness.rebuilds:
-                stiffness.rebuild()
-                parts -= 1
-                if parts == 0:
+                stiffness.rebuild(step)
+                chosen -= 1
+                if chosen == 0:
                     return
 
     def _learn(self, place: int) -> None:
