@@ -50,7 +50,6 @@ from pam_control.adaptation.varied_joint import VariedJoint
 from pam_control.limited import limited
 from pam_control.rows.plan_rows import N_MEMORY
 from pam_model.errors import PamError
-from pam_model.joints.joint_muscle import JointMuscle
 from pam_model.joints.joint_statics import JointStatics
 from pam_model.plant.compiled import for_kernel, prepare
 from pam_model.views.inverse_dynamics import InverseDynamics
@@ -219,11 +218,10 @@ class StiffnessEstimate:
         self, elapsed: float, pressures: Sequence[float], position: float, known: float
     ) -> Iterator[None]:
         inputs, about, pulls = self._inputs, self._about, []
-        for number, (muscle, arm, joint_muscle) in enumerate(self._distinct):
+        for number, (muscle, joint) in enumerate(self._distinct):
             if number % IN_A_PART == 0:
                 yield
-            length = joint_muscle.neutral_length - arm * position
-            pulls.append(max(float(joint_muscle.model.force(pressures[muscle], length)), 0.0))
+            pulls.append(joint.tension(muscle, pressures[muscle], position))
         yield
         torque, *others = (
             each.torque_of([pulls[place] for place in places])
@@ -302,7 +300,7 @@ class StiffnessEstimate:
     def _share_pulls(self, built: Sequence[JointStatics]) -> None:
         """Find the pulls that differ between the models: most have a muscle that is unchanged."""
         found: dict[tuple[int, float, int], int] = {}
-        self._distinct: list[tuple[int, float, JointMuscle]] = []
+        self._distinct: list[tuple[int, JointStatics]] = []
         self._places: list[list[int]] = []
         for joint in built:
             places = []
@@ -310,7 +308,7 @@ class StiffnessEstimate:
                 key = number, arm, id(muscle)
                 if key not in found:
                     found[key] = len(self._distinct)
-                    self._distinct.append((number, arm, muscle))
+                    self._distinct.append((number, joint))
                 places.append(found[key])
             self._places.append(places)
 
