@@ -247,7 +247,7 @@ def advance_lanes(variant: Variant, *, own_commands: bool = False) -> Callable[.
 
 ALL_ON: Final[frozenset[str]] = frozenset()
 """For loops that do not depend on the laws that are off: one version serves all kernels."""
-DEPENDENT: Final = (move, finish)
+DEPENDENT: Final = (move, finish, settle)
 """Loops that depend on them, in addition to all that call a law of a muscle."""
 
 

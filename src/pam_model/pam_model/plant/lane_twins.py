@@ -25,8 +25,9 @@ from typing import Any, Final, NamedTuple
 
 from pam_model.plant.compiled import HAVE_NUMBA, compiled, compiled_loop
 
-LANES: Final = 16
-"""Lanes side by side. LLVM does not convert loops that it knows to be shorter than 16."""
+LANES: Final = 32
+"""Lanes side by side; with more of them, the start of each loop and the wait for its last results
+weigh less. LLVM does not convert loops that it knows to be shorter than 16."""
 LANE_ARRAYS: Final = frozenset(
     {"c", "sensors", "y", "dy", "moved", "k1", "k2", "k3", "k4"}
     | {"held", "contact", "torque", "output"}
