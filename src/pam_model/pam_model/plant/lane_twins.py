@@ -23,7 +23,7 @@ from functools import cache
 from types import FunctionType
 from typing import Any, Final, NamedTuple
 
-from pam_model.plant.compiled import HAVE_NUMBA, compiled, compiled_loop
+from pam_model.plant.compiled import HAVE_NUMBA, compiled, compiled_fused, compiled_loop
 
 LANES: Final = 32
 """Lanes side by side; with more of them, the start of each loop and the wait for its last results
@@ -172,7 +172,7 @@ def lane_twin(function: Any, variant: LaneVariant) -> Callable[..., Any]:
     exec(code, names)
     twin: FunctionType = names[plain.__name__]
     twin.__qualname__ = f"{plain.__name__}_of_lane_{kernel_name(variant)}"
-    return compiled(twin)
+    return compiled_fused(twin)
 
 
 @cache
