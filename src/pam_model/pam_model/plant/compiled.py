@@ -126,7 +126,7 @@ def _cache_of(function: FunctionType) -> str:
 _CACHE = _cache_folder() if HAVE_NUMBA and not os.environ.get("NUMBA_CACHE_DIR") else ""
 _COMPILED: dict[tuple[FunctionType, bool], Any] = {}
 FUSED = {"contract"}
-"""What a compiler may do with fused functions: round a product and a sum once, in one instruction."""
+"""What a compiler may do with fused functions: round a product and a sum together, once."""
 
 
 def _with_compiled_calls(function: FunctionType, fused: bool) -> FunctionType:

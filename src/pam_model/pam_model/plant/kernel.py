@@ -116,12 +116,6 @@ def step_count(rate: float, sample_time: float, step: float) -> int:
 
 
 @compiled
-def muscle_count(y: Any) -> int:
-    """Number of muscles of a joint with this state."""
-    return (len(y) - Y_MUSCLES) // N_MUSCLE_STATES
-
-
-@compiled
 def muscle_pull(i: int, c: Any, tables: Any, y: Any) -> float:
     """Pull of muscle `i` [N] at this state."""
     m = C_MUSCLES + i * N_MUSCLE_CONSTANTS

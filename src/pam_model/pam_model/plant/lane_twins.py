@@ -34,7 +34,7 @@ LANE_ARRAYS: Final = frozenset(
     | {"shown", "history", "total"}  # of the comparison with a recording
 )
 """Names of the arguments that hold one array per lane, wherever they appear in the plant."""
-COUNTS_OF_MUSCLES: Final = frozenset({"len(tables)", "len(held)", "muscle_count(y)"})
+COUNTS_OF_MUSCLES: Final = frozenset({"len(tables)", "len(held)"})
 """Expressions of the number of muscles in loops over them."""
 
 
