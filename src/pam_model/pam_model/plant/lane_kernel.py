@@ -81,7 +81,7 @@ def hold_own(
 @compiled
 def judge_contact(c: Any, y: Any, contact: Any) -> None:
     """Write the contact, or AT_REST, and the speed with which the step begins."""
-    contact[0] = float(moving_contact(c, y))
+    contact[0] = moving_contact(c, y)
     contact[1] = y[Y_VELOCITY]
 
 
@@ -92,7 +92,7 @@ def judge_rest(c: Any, y: Any, dy: Any, contact: Any, torque: Any) -> None:
     The rates `dy` are those without contact. At rest, it changes the acceleration alone.
     """
     if contact[0] == AT_REST:
-        contact[0] = float(contact_at_rest(c, y, torque[0]))
+        contact[0] = contact_at_rest(c, y, torque[0])
         if contact[0] == LOCKED:
             dy[Y_VELOCITY] = 0.0
         else:  # the sign of the motion that friction opposes, or 0
