@@ -14,9 +14,9 @@ import pam_gap
 from pam_gap.inference.decide import decide, decided_answer
 from pam_gap.inference.evidence import Evidence, load_evidence
 from pam_gap.inference.score import Score
+from pam_gap.inference.search_growth import GrowthStep
 from pam_gap.prediction.locate import StageGap
 from pam_gap.rules import DEFAULT, Rules, changed
-from pam_gap.inference.search_growth import GrowthStep
 from pam_model.errors import PamError
 
 BLOCKS, CHANNELS = 20, 3
