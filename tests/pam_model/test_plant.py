@@ -61,12 +61,12 @@ def test_the_torque_of_an_uneven_pulley_is_the_virtual_work_of_its_muscles(param
 
     def outputs(position):
         state = initial_state(parameters, pressures=(3e5, 1.5e5), position=position)
-        found = np.zeros(lay.N_OUTPUTS)
+        found = np.zeros(lay.outputs_of(2))
         row = for_kernel(found)
         record(for_kernel(constants), tables, for_kernel(state), row)
         return np.array(row)
 
-    muscles = (lay.O_AGONIST, lay.O_ANTAGONIST)
+    muscles = (lay.outputs_of(0), lay.outputs_of(1))
     for position in (-0.5, 0.0, 0.6):
         ahead, here, behind = (outputs(position + d) for d in (1e-6, 0.0, -1e-6))
         slopes = [(ahead[m + lay.O_LENGTH] - behind[m + lay.O_LENGTH]) / 2e-6 for m in muscles]

@@ -94,7 +94,7 @@ def simulate_excitation(
     dt = excitation.sample_time
     count = excitation.time.size
     measured, commands = np.zeros((count, N_CHANNELS)), np.zeros((count, 2))
-    seen: tuple[float, float, float] = (0.0, *pressures)
+    seen: tuple[float, ...] = (0.0, *pressures)
     for k, time in enumerate(excitation.time.tolist()):
         output = plant.output
         position, agonist, antagonist = seen

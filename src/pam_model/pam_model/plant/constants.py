@@ -180,9 +180,8 @@ def derive_constants(
     index = known.index
     number = adjusted_numbers(values, muscles)
     temperature = v[index["gas.temperature"]]
-    c = [0.0] * lay.constants_of(
-        len(muscles)
-    )  # a list, because its items are read and written much faster
+    # A list, because its items are read and written much faster.
+    c = [0.0] * lay.constants_of(len(muscles))
     c[lay.C_TEMPERATURE] = temperature
     c[lay.C_AMBIENT] = v[index["gas.ambient_pressure"]]
     c[lay.C_EXPONENT] = v[index["gas.polytropic_exponent"]]
@@ -349,9 +348,9 @@ def _fastest_rate(c: list[float]) -> float:
     gain = max(c[lay.C_EXPONENT], 1.0) * c[lay.C_RT] * c[lay.C_DENSITY]
     for m in _muscles(c):
         slope = choking_slope(c[m + lay.M_CRITICAL])
+        arm = abs(c[m + lay.M_ARM]) * c[lay.C_RADIUS]
         longest = min(
-            c[m + lay.M_NEUTRAL]
-            + abs(c[m + lay.M_ARM]) * c[lay.C_RADIUS] * max(-c[lay.C_LOWER], c[lay.C_UPPER]),
+            c[m + lay.M_NEUTRAL] + arm * max(-c[lay.C_LOWER], c[lay.C_UPPER]),
             c[m + lay.M_LONGEST],
         )
         b = c[m + lay.M_B]

@@ -1,4 +1,4 @@
-"""Which muscles turn a joint, and with which lever arms: as many as it has, each in its direction."""
+"""Which muscles turn a joint, and in which direction with which lever arm."""
 
 from __future__ import annotations
 
@@ -6,8 +6,10 @@ import math
 from collections.abc import Iterable, Sequence
 from typing import Final, NamedTuple
 
+from pam_model.effects import EFFECTS
 from pam_model.errors import PamError
 from pam_model.physics.joint_geometry import AGONIST_SIGN, ANTAGONIST_SIGN
+from pam_model.plant.layout import JOINT_NOMINAL
 
 
 class JointMuscle(NamedTuple):
@@ -27,6 +29,8 @@ class JointMuscle(NamedTuple):
 
 
 JointMuscles = tuple[JointMuscle, ...]
+RESERVED: Final = frozenset(name.partition(".")[0] for name, _ in JOINT_NOMINAL) | EFFECTS.keys()
+"""Words with which other names of parameters begin."""
 
 PAIR: Final[JointMuscles] = (
     JointMuscle("agonist", AGONIST_SIGN),
@@ -55,7 +59,7 @@ def checked_muscles(muscles: Sequence[JointMuscle]) -> JointMuscles:
     if not names:
         raise PamError("a joint without muscles: expected at least one")
     for name, arm in muscles:
-        if not name.isidentifier() or names.count(name) > 1:
+        if not name.isidentifier() or name in RESERVED or names.count(name) > 1:
             raise PamError(f"{name!r} as the name of a muscle: expected one word for each muscle")
         if not math.isfinite(arm) or arm == 0.0:
             raise PamError(

@@ -105,15 +105,13 @@ def lane_kernels(constants: npt.NDArray[np.float64]) -> tuple[LaneKernel, ...]:
     constants : (n_batch, n_constants) array
         Of each plant.
     """
-    muscles = (constants.shape[1] - lay.C_MUSCLES) // lay.N_MUSCLE_CONSTANTS
+    starts = range(lay.C_MUSCLES, constants.shape[1], lay.N_MUSCLE_CONSTANTS)
 
     def any_of(switches: Switches) -> npt.NDArray[np.bool_]:
         places = [
             at
             for place, of_muscle in switches.values()
-            for at in (
-                [lay.constants_of(i) + place for i in range(muscles)] if of_muscle else [place]
-            )
+            for at in ([first + place for first in starts] if of_muscle else [place])
         ]
         return np.asarray(constants[:, places].any(axis=1))
 
@@ -123,5 +121,5 @@ def lane_kernels(constants: npt.NDArray[np.float64]) -> tuple[LaneKernel, ...]:
     for need in sorted(set(map(tuple, needs.tolist())), key=lambda need: (sum(need), need[::-1])):
         idle = [group for group, needed in zip(GROUPS.values(), need, strict=True) if not needed]
         off = absent.union(*idle)
-        kernels.append(LaneKernel(off, ~needs[:, ~np.array(need)].any(axis=1), muscles))
+        kernels.append(LaneKernel(off, ~needs[:, ~np.array(need)].any(axis=1), len(starts)))
     return tuple(kernels)

@@ -6,9 +6,9 @@ lane j is at i * LANES + j. The twin of a function is made from its source: `c[i
 for one joint. A loop over the lanes around inlined twins has no calls, and LLVM converts it to
 vector instructions, with masks where lanes take different branches.
 
-A twin is made for a variant of the plant: its number of muscles, over which loops are repeated, and
-what no lane of a batch has. Constants named in `off` are 0, and statements that depend on them alone
-disappear. A kernel for a single lane calls the functions as they are.
+A twin is made for a variant of the plant: its number of muscles, over which loops are repeated,
+and what no lane of a batch has. Constants named in `off` are 0, and statements that depend on them
+alone disappear. A kernel for a single lane calls the functions as they are.
 """
 
 from __future__ import annotations

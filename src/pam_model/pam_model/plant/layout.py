@@ -2,8 +2,8 @@
 
 The compiled kernels index flat arrays with these integers; all other code uses names. A joint has
 its own entries first, then those of each of its muscles, of which there may be any number. The
-entries of effects (constants of their laws, states of PullState) follow those of the ideal rig, in the
-order of the registry.
+entries of effects (constants of their laws, states of PullState) follow those of the ideal rig, in
+the order of the registry.
 """
 
 from __future__ import annotations

@@ -128,8 +128,8 @@ class SteppedBlock:
     def _step_alone(self, commands: Array, sample_time: float, longest_step: float) -> Array:
         none, no_pressures, work, row = self._alone
         run(
-            self._c, self._tables, for_kernel(commands), len(commands) - 1, none, no_pressures, False,
-            sample_time, longest_step, self._y, work, row,
+            self._c, self._tables, for_kernel(commands), len(commands) - 1, none, no_pressures,
+            False, sample_time, longest_step, self._y, work, row,
         )  # fmt: skip
         record(self._c, self._tables, self._y, row[0])
         return np.asarray(row, dtype=float)

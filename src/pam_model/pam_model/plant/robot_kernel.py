@@ -12,8 +12,8 @@ links. Without links, the joints do not move each other, unless a muscle crosses
 Constants, states and outputs have one row per joint, in the order of layout.py; a joint with fewer
 muscles than another uses the first part of its row. The pressure of the reservoir is in each row.
 
-A muscle belongs to one joint and may cross others. A crossing is a row (joint, muscle of this joint,
-other joint, signed lever arm at the other joint [m]).
+A muscle belongs to one joint and may cross others. A crossing is a row (joint, muscle of this
+joint, other joint, signed lever arm at the other joint [m]).
 """
 
 from __future__ import annotations

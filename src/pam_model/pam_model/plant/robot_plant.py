@@ -7,7 +7,7 @@ dP_s/dt = k R T (mdot_in - sum of mdot_drawn)/V_s
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -133,7 +133,8 @@ class RobotPlant:
             )
         )
         self._y = for_kernel(_rows(starts, lay.states_of(most)))
-        self._outputs = for_kernel(np.zeros((1, n, lay.outputs_of(most))))
+        shape = (n, lay.outputs_of(most))
+        self._outputs = for_kernel(np.zeros((1, *shape)))
         for i, plant in enumerate(self.joints):
             plant.share_memory(self._constants[i], self._y[i], self._outputs[0][i : i + 1])
         self._topology = (
@@ -153,8 +154,8 @@ class RobotPlant:
             )
         )
         self._scratch = tuple(
-            for_kernel(np.zeros(shape))
-            for shape in (
+            for_kernel(np.zeros(size))
+            for size in (
                 (4, n, lay.states_of(most)),
                 (n, lay.states_of(most)),
                 sum(counts),
@@ -162,6 +163,10 @@ class RobotPlant:
                 (N_ROWS, n),
             )
         )
+        if crossings:  # the first outputs, of muscles whose path the other joints change
+            self._run(np.zeros((1, sum(counts))), 0, 0.0, for_kernel(np.zeros((0, *shape))))
+            for plant in self.joints:
+                plant.record_outputs()
 
     @property
     def reservoir_pressure(self) -> float:
@@ -187,12 +192,15 @@ class RobotPlant:
             return [self.joints[0].step(commands[0], duration)]
         flat = [command for own in commands for command in own]
         rows, at = self._history.with_next(flat, duration)
+        self._run(np.array(rows), at, duration, self._outputs)
+        return [plant.observe(duration) for plant in self.joints]
+
+    def _run(self, commands: Array, first: int, duration: float, outputs: Any) -> None:
         ks, ys, held, drive, work = self._scratch
         run_robot(
-            self._constants, self._tables, self._topology, self._body, for_kernel(np.array(rows)),
-            at, duration, self._step, self._y, ks, ys, held, drive, work, self._outputs,
+            self._constants, self._tables, self._topology, self._body, for_kernel(commands), first,
+            duration, self._step, self._y, ks, ys, held, drive, work, outputs,
         )  # fmt: skip
-        return [plant.observe(duration) for plant in self.joints]
 
 
 def _rows(parts: Sequence[Array], length: int) -> Array:

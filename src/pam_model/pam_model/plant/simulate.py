@@ -331,7 +331,7 @@ class Plant:
         self._sensors = SensorFilter(parameters.values, parameters.muscles)
         self._history = CommandHistory(self.longest_delay)
         self.time = 0.0
-        self._observe()
+        self.record_outputs()
 
     @property
     def state(self) -> Array:
@@ -423,7 +423,7 @@ class Plant:
     def observe(self, duration: float) -> tuple[float, ...]:
         """Write the outputs of a state that is `duration` [s] later; return the readings."""
         self.time += duration
-        self._observe()
+        self.record_outputs()
         row = self._row[0]
         return self._sensors.update(
             self.time,
@@ -434,7 +434,8 @@ class Plant:
             ],
         )
 
-    def _observe(self) -> None:
+    def record_outputs(self) -> None:
+        """Compute the outputs of the present state."""
         record(self._constants, self._tables, self._y, self._row[0])
 
 
