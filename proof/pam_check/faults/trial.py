@@ -248,11 +248,17 @@ def problem_of(chain: FaultChain, kind: FaultKind, trial: Trial) -> str:
     ):
         reasons = "; ".join(str(fault) for fault in chain.driver.faults)
         return f"stopped: {reasons or chain.driver.state.value}"
+    return _error_problem(kind, trial, bounds) or _motion_problem(
+        kind, trial, bounds, speed_bound(kind, trial.values, chain.rig, bounds)
+    )
+
+
+def _error_problem(kind: FaultKind, trial: Trial, bounds: RigBounds) -> str:
     if trial.peak_error > error_bound(kind, bounds):
         return f"angle off by {trial.peak_error:.3f} rad"
     if kind.stays is Stays.TRACKING and trial.off_for > GUARD_WAITS + STEP:
         return f"angle off by more than {bounds.tracking_error:g} rad for {trial.off_for:.2f} s"
-    return _motion_problem(kind, trial, bounds, speed_bound(kind, trial.values, chain.rig, bounds))
+    return ""
 
 
 def _venting_problem(kind: FaultKind, trial: Trial, bounds: RigBounds) -> str:
