@@ -300,14 +300,16 @@ EVERYTHING = {
 }
 
 
-@pytest.mark.parametrize("changes", [{}, EVERYTHING])
-def test_plain_python_gives_the_same(parameters, run, wiggle, tmp_path, changes):
+@pytest.mark.parametrize(
+    ("switch", "changes"), [("NUMBA_DISABLE_JIT", {}), ("PAM_NO_NUMBA", EVERYTHING)]
+)
+def test_plain_python_gives_the_same(parameters, run, wiggle, tmp_path, switch, changes):
     changed = parameters.replaced(changes)
     commands = wiggle[0][:150]
     state = initial_state(changed, pressures=(2e5, 2e5))
     given, got = tmp_path / "in.npz", tmp_path / "out.npy"
     np.savez(given, values=changed.values, commands=commands, state=state)
-    environment = os.environ | {"PAM_NO_NUMBA": "1"}
+    environment = os.environ | {switch: "1"}
     subprocess.run(
         [sys.executable, "-c", PLAIN, str(given), str(got)],
         check=True,

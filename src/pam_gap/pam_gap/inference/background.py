@@ -84,21 +84,12 @@ class Background:
 
 @dataclass(frozen=True, slots=True)
 class SensorPart:
-    """A part of a background that no effect of the table describes: it changes what is recorded.
+    """A part of a background that no effect of the table describes: it changes what is recorded."""
 
-    Attributes
-    ----------
-    name : str
-        In words, for the answer.
-    change : callable
-        (problem, channels, amount) -> channels with this amount, in the largest ordinary sizes.
-    is_one_way : bool
-        Whether the amount cannot be negative.
-    """
-
-    name: str
+    name: str  # in words, for the answer
+    # (problem, channels, amount) -> channels with this amount, in the largest ordinary sizes
     change: Callable[[PredictionProblem, Channels, float], Channels]
-    is_one_way: bool = False
+    is_one_way: bool = False  # whether the amount cannot be negative
 
     def errors(self, problem: PredictionProblem, vector: Array, amount: float) -> Array:
         """Errors of a plant if the recordings are changed by this amount."""

@@ -180,7 +180,7 @@ def filled[S: Slot](kind: type[S]) -> tuple[tuple[Effect, S], ...]:
 
 
 def switched_on[S: Slot](
-    kind: type[S], effects: EffectValues, treatment: type | None = None
+    kind: type[S], effects: EffectValues
 ) -> list[tuple[Effect, S, tuple[float, ...]]]:
     """The effects that fill a kind of slot and that a muscle, joint or rig has.
 
@@ -190,18 +190,18 @@ def switched_on[S: Slot](
         The kind of slot.
     effects : mapping
         The effects of the muscle, joint or rig.
-    treatment : type, optional
-        Only effects that the controller treats in this way.
 
     Returns
     -------
     list of (Effect, Slot, tuple of float)
         Effect, slot and parameter values, in the order in which the plant applies them.
     """
+    if not effects:  # the usual case, in each part of a robot that is composed
+        return []
     return [
         (effect, slot, effect.values(effects))
         for effect, slot in filled(kind)
-        if active(effect, effects) and (treatment is None or isinstance(effect.control, treatment))
+        if active(effect, effects)
     ]
 
 
@@ -233,7 +233,7 @@ def adjusted(target: str, written: float | None, effects: EffectValues) -> float
     value = TARGETS[target].ideal if written is None else written
     if value is None:
         raise EffectError(f"target {target} has no ideal value; give the rig file's")
-    for effect, slot in _ADJUSTS:
+    for effect, slot in _ADJUSTS if effects else ():
         if slot.target == target and effect.name in effects:
             value = slot.law(value, *effect.values(effects))
     return value
