@@ -112,7 +112,17 @@ def test_a_muscle_at_half_the_arm_moves_half_as_much_and_turns_half_as_hard(rig:
 
 
 @pytest.mark.parametrize(
-    "muscles", [1, 3, pytest.param(4, marks=pytest.mark.long("each number is compiled anew"))]
+    "muscles",
+    [
+        1,
+        3,
+        pytest.param(
+            4,
+            marks=pytest.mark.long(
+                "each number has a kernel of its own; one and three muscles stay"
+            ),
+        ),
+    ],
 )
 def test_steps_and_samples_of_any_muscles_give_the_same(rig: Rig, muscles: int) -> None:
     parameters = joint_of(rig, FOUR[:muscles]).replaced(EFFECTS)
