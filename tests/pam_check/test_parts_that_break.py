@@ -14,7 +14,7 @@ from pam_check.faults.acts import activate, clear_faults, hold_at, settle, vent
 from pam_check.faults.campaign import in_a_fork
 from pam_check.faults.rig_bounds import bounds_of
 from pam_driver.safety.states import SafetyState
-from pam_model.plant.joint_muscles import SIDES
+from pam_model.plant.muscle_arms import SIDES
 from pam_sim.faults.rig_faults import POSITION, RigFaults, offset
 
 SUDDEN = 10.0  # a turn count so much larger takes the force, and leaves the volume to a dead one

@@ -11,8 +11,8 @@ import pytest
 from pam_model.errors import PamError
 from pam_model.plant.compiled import HAVE_NUMBA
 from pam_model.plant.constants import derive_constants
-from pam_model.plant.joint_muscles import JointMuscle
 from pam_model.plant.lane_choice import lane_kernels
+from pam_model.plant.muscle_arms import MuscleArm
 from pam_model.plant.parameters import PlantParameters
 from pam_model.plant.plant_batch import PlantBatch
 from pam_model.plant.robot_plant import Crossing, RobotPlant
@@ -20,8 +20,8 @@ from pam_model.plant.simulate import Plant, initial_state, simulate, vented_stat
 from pam_model.rig import Muscle, Rig
 
 SAMPLE_TIME = 2e-3
-LIFTER, SECOND = JointMuscle("lifter", 1.0), JointMuscle("second", 1.0)
-LOWERER, SMALL = JointMuscle("lowerer", -1.0), JointMuscle("small", -0.6)
+LIFTER, SECOND = MuscleArm("lifter", 1.0), MuscleArm("second", 1.0)
+LOWERER, SMALL = MuscleArm("lowerer", -1.0), MuscleArm("small", -0.6)
 FOUR = (LIFTER, LOWERER, SECOND, SMALL)
 EFFECTS: dict[str, float] = {
     "coulomb_friction.torque": 0.2,
@@ -32,7 +32,7 @@ EFFECTS: dict[str, float] = {
 
 
 def joint_of(
-    rig: Rig, muscles: Mapping[JointMuscle, Muscle] | tuple[JointMuscle, ...]
+    rig: Rig, muscles: Mapping[MuscleArm, Muscle] | tuple[MuscleArm, ...]
 ) -> PlantParameters:
     """The joint of a rig, turned by other muscles; by default each is like the rig's first one."""
     if not isinstance(muscles, Mapping):
@@ -52,7 +52,7 @@ def swing(muscles: int, samples: int = 150) -> np.ndarray:
 def test_one_muscle_lifts_a_load_until_its_torque_is_that_of_the_load(
     rig: Rig, arm: float, pressure: float
 ) -> None:
-    parameters = joint_of(rig, (JointMuscle("lifter", arm),))
+    parameters = joint_of(rig, (MuscleArm("lifter", arm),))
     state = initial_state(parameters, pressures=[pressure])
     at_rest = simulate(parameters, np.zeros((4000, 1)), SAMPLE_TIME, state, shut=True)
     position, gauge = float(at_rest.position[-1]), float(at_rest.pressures[-1, 0])
@@ -99,7 +99,7 @@ def test_a_pair_written_as_two_muscles_is_the_pair_of_the_rig_file(rig: Rig) -> 
 
 
 def test_a_muscle_at_half_the_arm_moves_half_as_much_and_turns_half_as_hard(rig: Rig) -> None:
-    parameters = joint_of(rig, (LIFTER, JointMuscle("small", 0.5)))
+    parameters = joint_of(rig, (LIFTER, MuscleArm("small", 0.5)))
     found = simulate(parameters, swing(2), SAMPLE_TIME)
     radius, neutral = rig.joints[0].pulley_radius, rig.muscles[0].neutral_length
     for muscle, arm in ((0, 1.0), (1, 0.5)):
@@ -112,7 +112,17 @@ def test_a_muscle_at_half_the_arm_moves_half_as_much_and_turns_half_as_hard(rig:
 
 
 @pytest.mark.parametrize(
-    "muscles", [1, 3, pytest.param(4, marks=pytest.mark.long("each number is compiled anew"))]
+    "muscles",
+    [
+        1,
+        3,
+        pytest.param(
+            4,
+            marks=pytest.mark.long(
+                "each number has a kernel of its own; one and three muscles stay"
+            ),
+        ),
+    ],
 )
 def test_steps_and_samples_of_any_muscles_give_the_same(rig: Rig, muscles: int) -> None:
     parameters = joint_of(rig, FOUR[:muscles]).replaced(EFFECTS)
@@ -228,15 +238,15 @@ def test_a_held_joint_does_not_lengthen_the_muscle_that_crosses_it(rig: Rig) -> 
     ("muscles", "message"),
     [
         ((), "a joint without muscles: expected at least one"),
-        ((LIFTER, JointMuscle("lifter", -1.0)), "'lifter' as the name of a muscle: expected one"),
-        ((JointMuscle("two words", 1.0),), "'two words' as the name of a muscle"),
-        ((JointMuscle("joint", 1.0),), "'joint' as the name of a muscle"),
-        ((JointMuscle("weak", 0.0),), "lever arm 0.0 of muscle weak: expected"),
-        ((JointMuscle("wild", float("nan")),), "lever arm nan of muscle wild: expected"),
+        ((LIFTER, MuscleArm("lifter", -1.0)), "'lifter' as the name of a muscle: expected one"),
+        ((MuscleArm("two words", 1.0),), "'two words' as the name of a muscle"),
+        ((MuscleArm("joint", 1.0),), "'joint' as the name of a muscle"),
+        ((MuscleArm("weak", 0.0),), "lever arm 0.0 of muscle weak: expected"),
+        ((MuscleArm("wild", float("nan")),), "lever arm nan of muscle wild: expected"),
     ],
 )
 def test_muscles_that_no_joint_can_have_are_refused(
-    rig: Rig, muscles: tuple[JointMuscle, ...], message: str
+    rig: Rig, muscles: tuple[MuscleArm, ...], message: str
 ) -> None:
     with pytest.raises(PamError, match=message):
         joint_of(rig, muscles)

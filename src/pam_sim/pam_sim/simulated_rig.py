@@ -17,7 +17,7 @@ from pam_model.effects import EFFECTS
 from pam_model.errors import PamError, RigError
 from pam_model.names import unknown
 from pam_model.plant.default_step import DEFAULT_STEP
-from pam_model.plant.joint_muscles import SIDES
+from pam_model.plant.muscle_arms import SIDES
 from pam_model.plant.parameters import PlantParameters
 from pam_model.plant.robot_plant import RobotPlant
 from pam_model.plant.simulate import vented_state

@@ -8,7 +8,7 @@ from typing import Any
 
 from pam_gap.inference.hypothesis import Hypothesis
 from pam_model.effects import EFFECTS
-from pam_model.plant.joint_muscles import SIDES
+from pam_model.plant.muscle_arms import SIDES
 from pam_model.plant.parameters import RIG_PLACES, RigPlace
 from pam_model.rig import Joint, Muscle, Rig, Valve
 

@@ -18,7 +18,7 @@ from pam_gap.prediction.channels import Channels
 from pam_gap.prediction.fit import Array, FreeParameter
 from pam_gap.prediction.linear_terms import LinearTerms
 from pam_gap.prediction.problem import PredictionProblem
-from pam_model.plant.joint_muscles import SIDES
+from pam_model.plant.muscle_arms import SIDES
 from pam_model.plant.parameters import INDEX
 
 USUAL, SPREAD, MOST = 0.75, 0.3, 1.5

@@ -42,7 +42,7 @@ from pam_gap.prediction.linear_terms import LinearTerms
 from pam_gap.prediction.problem import PredictionProblem
 from pam_gap.rules.decision_rules import DecisionRules
 from pam_model.effects import EFFECTS
-from pam_model.plant.joint_muscles import SIDES
+from pam_model.plant.muscle_arms import SIDES
 from pam_model.plant.parameters import INDEX
 
 SENSOR_RANGES = tuple(f * 10.0**k for k in (4, 5, 6, 7) for f in (1.0, 1.6, 2.5, 4.0, 6.0))

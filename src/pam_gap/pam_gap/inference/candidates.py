@@ -22,7 +22,7 @@ from pam_gap.recordings.recording import LOCKED, SHUT
 from pam_gap.rules import DEFAULT
 from pam_gap.rules.search_rules import SearchRules
 from pam_model.effects import EFFECTS, Effect, Range, RigScales
-from pam_model.plant.joint_muscles import SIDES
+from pam_model.plant.muscle_arms import SIDES
 from pam_model.plant.written_numbers import written_numbers
 from pam_model.rig import Joint, Rig
 from pam_model.robot import compose

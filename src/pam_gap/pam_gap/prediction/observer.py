@@ -32,7 +32,6 @@ from pam_gap.prediction.channel_order import (
 from pam_model.physics.pressure_sensor import pressure_reading, true_pressure
 from pam_model.plant.compile_beside import CompileBeside
 from pam_model.plant.compiled import compiled, entry_point, for_kernel
-from pam_model.plant.joint_muscles import SIDES
 from pam_model.plant.kernel import muscle_pull
 from pam_model.plant.lane_blocks import Lanes, blocks_of_lanes
 from pam_model.plant.lane_choice import VECTOR, LaneKernel
@@ -54,6 +53,7 @@ from pam_model.plant.layout import (
     Y_RESERVOIR,
     Y_VELOCITY,
 )
+from pam_model.plant.muscle_arms import SIDES
 from pam_model.plant.sensors import (
     K_BIAS,
     K_DELAY,

@@ -34,7 +34,6 @@ from pam_gap.rules import DEFAULT, Rules
 from pam_model.physics.pressure_sensor import true_pressure
 from pam_model.plant.compiled import for_kernel
 from pam_model.plant.constants import derive_constants
-from pam_model.plant.joint_muscles import SIDES
 from pam_model.plant.layout import (
     C_AMBIENT,
     C_SUPPLY,
@@ -50,6 +49,7 @@ from pam_model.plant.layout import (
     states_of,
 )
 from pam_model.plant.mounting import locked, turned_over
+from pam_model.plant.muscle_arms import SIDES
 from pam_model.plant.parameters import INDEX, PlantParameters
 from pam_model.plant.sensors import K_BIAS, K_GAIN, K_OFFSET, N_MUSCLE_SENSORS, sensor_constants
 from pam_model.rig import Rig

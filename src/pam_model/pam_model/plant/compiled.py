@@ -43,6 +43,7 @@ _NEVER_COMPILED = (
     "force_table",
     "lane_choice",
     "mounting",
+    "muscle_arms",
     "parameters",
     "plant_batch",
     "robot_plant",

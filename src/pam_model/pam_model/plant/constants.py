@@ -19,8 +19,8 @@ from pam_model.effects.declaration import Effect
 from pam_model.effects.slots import TARGETS, Adjusts, Chamber, DryFriction, Law, Thread
 from pam_model.gas import GAS_CONSTANT, choking_slope, reference_density
 from pam_model.plant import layout as lay
-from pam_model.plant.joint_muscles import PAIR, JointMuscles, names_of
 from pam_model.plant.layout import EffectConstants
+from pam_model.plant.muscle_arms import PAIR, MuscleArms, names_of
 from pam_model.plant.parameters import parameter_names, parameter_table
 
 Vector = npt.NDArray[np.float64]
@@ -91,7 +91,7 @@ class _Derivation:
 
 
 @cache
-def _derivation(muscles: JointMuscles) -> _Derivation:
+def _derivation(muscles: MuscleArms) -> _Derivation:
     names = names_of(muscles)
     index = parameter_table(names).index
     of_muscles = tuple(f"{name}." for name in names)
@@ -136,14 +136,14 @@ def _derivation(muscles: JointMuscles) -> _Derivation:
     )
 
 
-def adjusted_numbers(values: Vector, muscles: JointMuscles = PAIR) -> dict[str, float]:
+def adjusted_numbers(values: Vector, muscles: MuscleArms = PAIR) -> dict[str, float]:
     """Every target of `effects.slots.TARGETS` with its effects applied.
 
     Parameters
     ----------
     values : (n_parameters,) array
         In the order of the joint's `parameters.parameter_table`.
-    muscles : tuple of JointMuscle, optional
+    muscles : tuple of MuscleArm, optional
         Those of the joint.
 
     Returns
@@ -162,7 +162,7 @@ def adjusted_numbers(values: Vector, muscles: JointMuscles = PAIR) -> dict[str, 
 
 
 def derive_constants(
-    values: Vector, reservoir_share: float = 1.0, muscles: JointMuscles = PAIR
+    values: Vector, reservoir_share: float = 1.0, muscles: MuscleArms = PAIR
 ) -> Vector:
     """The constants of the kernels (layout.C_*, M_*, and those of effects).
 
@@ -172,7 +172,7 @@ def derive_constants(
         In the order of the joint's `parameters.parameter_table`.
     reservoir_share : float, optional
         Share of the reservoir and of its refill path that belongs to this joint [-].
-    muscles : tuple of JointMuscle, optional
+    muscles : tuple of MuscleArm, optional
         Those of the joint.
     """
     v = values.tolist()

@@ -23,11 +23,11 @@ from pam_model.errors import UnknownNameError
 from pam_model.names import unknown
 from pam_model.plant import layout as lay
 from pam_model.plant.force_table import NO_TABLE, closed_form, make_table
-from pam_model.plant.joint_muscles import (
+from pam_model.plant.muscle_arms import (
     PAIR,
     SIDES,
-    JointMuscle,
-    JointMuscles,
+    MuscleArm,
+    MuscleArms,
     checked_muscles,
     names_of,
 )
@@ -148,13 +148,13 @@ class PlantParameters:
         In the order of the names in `table`, with its units.
     tables : tuple of n_muscles arrays
         Force tables of muscles whose model has no closed form in the plant, else placeholders.
-    muscles : tuple of n_muscles JointMuscle, optional
+    muscles : tuple of n_muscles MuscleArm, optional
         The muscles of the joint; by default the pair of a rig file.
     """
 
     values: Vector
     tables: tuple[Vector, ...] = (NO_TABLE, NO_TABLE)
-    muscles: JointMuscles = PAIR
+    muscles: MuscleArms = PAIR
 
     @classmethod
     def from_rig(cls, rig: Rig, joint: str | int = 0) -> PlantParameters:
@@ -171,7 +171,7 @@ class PlantParameters:
 
     @classmethod
     def with_muscles(
-        cls, rig: Rig, joint: str | int, muscles: Mapping[JointMuscle, Muscle]
+        cls, rig: Rig, joint: str | int, muscles: Mapping[MuscleArm, Muscle]
     ) -> PlantParameters:
         """The parameters of a joint that any number of muscles turn.
 
@@ -181,7 +181,7 @@ class PlantParameters:
             Gives the gas, the supply and the effects of the rig.
         joint : str or int
             The joint by its name or number; which muscles the rig gives it does not matter.
-        muscles : mapping of JointMuscle to Muscle
+        muscles : mapping of MuscleArm to Muscle
             What is known of each muscle. A muscle of the rig may occur several times, by several
             names.
 

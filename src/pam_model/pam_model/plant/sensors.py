@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from pam_model.physics.pressure_sensor import pressure_reading
 from pam_model.plant.constants import adjusted_numbers
-from pam_model.plant.joint_muscles import PAIR, JointMuscles, names_of
+from pam_model.plant.muscle_arms import PAIR, MuscleArms, names_of
 
 Array = npt.NDArray[np.float64]
 
@@ -34,14 +34,14 @@ def sensors_of(muscles: int) -> int:
     return K_GAIN + muscles * N_MUSCLE_SENSORS
 
 
-def sensor_constants(values: Array, muscles: JointMuscles = PAIR) -> Array:
+def sensor_constants(values: Array, muscles: MuscleArms = PAIR) -> Array:
     """The constants of the sensors, indexed by the K_* above.
 
     Parameters
     ----------
     values : (n_parameters,) array
         Plant parameters.
-    muscles : tuple of JointMuscle, optional
+    muscles : tuple of MuscleArm, optional
         Those of the joint.
 
     Returns
@@ -89,7 +89,7 @@ def lag_weights(time_constant: float, duration: float) -> tuple[float, float, fl
 
 
 def measure(
-    values: Array, time: Array, position: Array, pressures: Array, muscles: JointMuscles = PAIR
+    values: Array, time: Array, position: Array, pressures: Array, muscles: MuscleArms = PAIR
 ) -> Measured:
     """Pass true signals through the sensors.
 
@@ -103,7 +103,7 @@ def measure(
         [rad].
     pressures : (..., n, n_muscles) array
         Gauge pressure at the sensors [Pa].
-    muscles : tuple of JointMuscle, optional
+    muscles : tuple of MuscleArm, optional
         Those of the joint.
     """
     if values.ndim == 2:
@@ -143,11 +143,11 @@ class SensorFilter:
     ----------
     values : (n_parameters,) array
         Plant parameters.
-    muscles : tuple of JointMuscle, optional
+    muscles : tuple of MuscleArm, optional
         Those of the joint.
     """
 
-    def __init__(self, values: Array, muscles: JointMuscles = PAIR) -> None:
+    def __init__(self, values: Array, muscles: MuscleArms = PAIR) -> None:
         sensors: list[float] = sensor_constants(values, muscles).tolist()
         of_muscles = range(0, len(muscles) * N_MUSCLE_SENSORS, N_MUSCLE_SENSORS)
         self._offset, self._delay = sensors[K_OFFSET], sensors[K_DELAY]
@@ -202,11 +202,11 @@ class SensorBank:
         Plant parameters of each joint.
     period : float
         Between two samples [s].
-    muscles : tuple of JointMuscle, optional
+    muscles : tuple of MuscleArm, optional
         Those of each joint.
     """
 
-    def __init__(self, values: Array, period: float, muscles: JointMuscles = PAIR) -> None:
+    def __init__(self, values: Array, period: float, muscles: MuscleArms = PAIR) -> None:
         n = len(values)
         self._period, self._muscles = period, muscles
         self._k = np.array([sensor_constants(one, muscles) for one in values])

@@ -28,11 +28,11 @@ from pam_model.plant.compile_beside import CompileBeside
 from pam_model.plant.compiled import HAVE_NUMBA, for_kernel
 from pam_model.plant.constants import derive_constants
 from pam_model.plant.default_step import DEFAULT_STEP
-from pam_model.plant.joint_muscles import JointMuscles, names_of
 from pam_model.plant.kernel import WORK_ROWS, record, run
 from pam_model.plant.lane_blocks import Lanes, blocks_of_lanes
 from pam_model.plant.lane_choice import FEW_WITH_CABLE, VECTOR, LaneKernel
 from pam_model.plant.lane_twins import SINGLE
+from pam_model.plant.muscle_arms import MuscleArms, names_of
 from pam_model.plant.parameters import PlantParameters
 from pam_model.plant.sensors import (
     K_BIAS,
@@ -454,7 +454,7 @@ def _checked(name: str, array: Array, shape: tuple[int | None, ...]) -> Array:
 
 def _true_drive(
     values: Array,
-    muscles: JointMuscles,
+    muscles: MuscleArms,
     positions: Array | None,
     pressures: Array | None,
     sample_time: float,

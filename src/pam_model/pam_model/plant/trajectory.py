@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pam_model.plant import layout as lay
-from pam_model.plant.joint_muscles import PAIR, JointMuscles, names_of
+from pam_model.plant.muscle_arms import PAIR, MuscleArms, names_of
 
 Array = npt.NDArray[np.float64]
 
@@ -27,14 +27,14 @@ class Trajectory:
         In the order of layout.output_names; the properties below give single columns.
     final_state : (..., n_states) array
         The state one sample after the last row, from which a next `simulate` can continue.
-    muscles : tuple of JointMuscle, optional
+    muscles : tuple of MuscleArm, optional
         Those of the joint.
     """
 
     time: Array
     outputs: Array
     final_state: Array
-    muscles: JointMuscles = PAIR
+    muscles: MuscleArms = PAIR
 
     def __getitem__(self, name: str) -> Array:
         """A column by its name in layout.output_names, such as `agonist.spool`."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from pam_model.plant.joint_muscles import SIDES
+from pam_model.plant.muscle_arms import SIDES
 from pam_model.rig import Joint, Rig
 
 JOINT = ("inertia", "viscous_friction", "gravity_torque", "gravity_angle")

@@ -12,7 +12,7 @@ from pam_model.physics.joint_geometry import AGONIST_SIGN, ANTAGONIST_SIGN
 from pam_model.plant.layout import JOINT_NOMINAL
 
 
-class JointMuscle(NamedTuple):
+class MuscleArm(NamedTuple):
     """A muscle of a joint.
 
     Attributes
@@ -28,25 +28,25 @@ class JointMuscle(NamedTuple):
     arm: float
 
 
-JointMuscles = tuple[JointMuscle, ...]
+MuscleArms = tuple[MuscleArm, ...]
 RESERVED: Final = frozenset(name.partition(".")[0] for name, _ in JOINT_NOMINAL) | EFFECTS.keys()
 """Words with which other names of parameters begin."""
 
-PAIR: Final[JointMuscles] = (
-    JointMuscle("agonist", AGONIST_SIGN),
-    JointMuscle("antagonist", ANTAGONIST_SIGN),
+PAIR: Final[MuscleArms] = (
+    MuscleArm("agonist", AGONIST_SIGN),
+    MuscleArm("antagonist", ANTAGONIST_SIGN),
 )
 """The muscles of a joint as a rig file states them."""
 SIDES: Final = tuple(muscle.name for muscle in PAIR)
 """Their names."""
 
 
-def names_of(muscles: Iterable[JointMuscle]) -> tuple[str, ...]:
+def names_of(muscles: Iterable[MuscleArm]) -> tuple[str, ...]:
     """The names of muscles."""
     return tuple(muscle.name for muscle in muscles)
 
 
-def checked_muscles(muscles: Sequence[JointMuscle]) -> JointMuscles:
+def checked_muscles(muscles: Sequence[MuscleArm]) -> MuscleArms:
     """The muscles of a joint, if they can be such.
 
     Raises
