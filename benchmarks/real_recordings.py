@@ -11,6 +11,7 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import pandas as pd
@@ -243,9 +244,7 @@ def of_folder(cases: Path) -> tuple[Measured, ...]:
         column_map = rig.parent / "map.yaml"
         log = tables, rig, column_map if column_map.exists() else None
         if tables:
-            found.append(
-                Measured(rig.parent.name, "-", None, lambda out, log=log: _prepared(log, out))
-            )
+            found.append(Measured(rig.parent.name, "-", None, partial(_prepared, log)))
     return tuple(found)
 
 
@@ -272,7 +271,7 @@ def _declare(parser: Parser) -> None:
 
 def _run(given: Arguments) -> Outcome:
     rows, wrong = [], []
-    recordings = RECORDINGS
+    recordings: tuple[Measured, ...] = RECORDINGS
     if given.clones is not None:
         recordings += of_clones(given.clones)
     if given.cases is not None:

@@ -61,7 +61,8 @@ def age_of_stamp(stamp: Any) -> float:
     """
     if stamp.sec == 0 and stamp.nanosec == 0:
         return 0.0
-    return max(time.time() - (stamp.sec + 1e-9 * stamp.nanosec), 0.0)
+    age: float = time.time() - (stamp.sec + 1e-9 * stamp.nanosec)
+    return max(age, 0.0)
 
 
 class RosPortNode(Node):  # type: ignore[misc]
