@@ -12,6 +12,7 @@ once, for each joint.
 
 from __future__ import annotations
 
+import gc
 import math
 import sys
 import time
@@ -35,6 +36,8 @@ def step_times(rig: Rig) -> list[float]:
     """Processor times of the steps while all joints swing [s]."""
     values = {one.name: one.default for one in parameter_table(rig.joint_names)}
     controller = create_controller(rig, values, rig.joint_names)
+    gc.collect()
+    gc.freeze()  # as in a node, so that no cycle looks through what was imported
     times = []
     now = 1.0
     for step in range(STEPS + 100):
@@ -58,6 +61,8 @@ def step_times(rig: Rig) -> list[float]:
 def bare_time(rig: Rig) -> float:
     """Median processor time of the inverse model, once for each joint [s]."""
     joints = [JointStatics.from_rig(rig, name) for name in rig.joint_names]
+    gc.collect()
+    gc.freeze()  # as in a node, so that no cycle looks through what was imported
     times = []
     for step in range(STEPS):
         q = 0.3 * math.sin(0.004 * step)
