@@ -291,7 +291,8 @@ def _run(given: Arguments) -> Outcome:
                 "effects": ", ".join(effects), "seconds": round(seconds, 1), "sentence": sentence,
             }
         )  # fmt: skip
-        print(f"{measured.name} ({measured.known}): {verdict}, {seconds:.0f} s\n    {sentence}")
+        text = f"{measured.name} ({measured.known}): {verdict}, {seconds:.0f} s"
+        print(f"{text}\n    {sentence}", flush=True)
         if measured.possible is None:
             continue
         strangers = set(effects) - measured.possible

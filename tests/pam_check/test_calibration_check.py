@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -119,20 +119,38 @@ def test_the_torque_per_pressure_grows_with_the_pulley(drawn: CalibrationRig) ->
     assert over_deviation(1.0, 1.1, (1.05, 1.1 + 1.645)) == pytest.approx(0.1 / (0.05 / 1.645))
 
 
-@pytest.mark.long("the plant's and the design's tests of the damping stand for the whole fit")
-@pytest.mark.xfail(strict=True, reason="docs/from_log_to_rig.md: the damping is not recovered yet")
-def test_a_calibration_finds_the_damping_of_regulators_of_the_independent_plant(
-    tmp_path: Path,
-) -> None:
+DAMPING = 0.65
+SMALL_STEP = 8e3
+"""Steps of the set points [Pa] that the flow of air does not limit, so that the damping shows."""
+
+
+def small_steps(random: np.random.Generator, count: int, period: float) -> np.ndarray:
+    """Steps up and down of `SMALL_STEP`, each held for 0.15 to 0.5 s, after 2.5 s of rest."""
+    found, at = np.zeros(count), round(2.5 / period)
+    while at < count:
+        held = round(random.uniform(0.15, 0.5) / period)
+        found[at : at + held] = SMALL_STEP * random.choice([-1.0, 1.0])
+        at += held
+    return found
+
+
+@pytest.fixture(scope="module")
+def with_small_steps(tmp_path_factory: pytest.TempPathFactory) -> dict[str, CalibratedNumber]:
     """A rig whose regulators have two poles with a damping of 0.65, which its file leaves out."""
-    kind = Variety(regulator_time=1.0 / 74.0)
+    kind, period = Variety(regulator_time=1.0 / 74.0), 0.002
     random = np.random.default_rng(8)
     true = draw_true_rig(random, kind)
-    first, second = (m._replace(regulator_damping=0.65) for m in true.muscles)
-    played = motion(random, true.believed, 0.002, 20.0)
+    first, second = (m._replace(regulator_damping=DAMPING) for m in true.muscles)
+    played = motion(random, true.believed, period, 20.0)
+    count = len(played.level)
+    played = replace(
+        played,
+        difference=played.difference + small_steps(np.random.default_rng(1), count, period),
+        level=played.level + small_steps(np.random.default_rng(2), count, period),
+    )
     made = run_truth(true.joint, (first, second), played, true.sensors, random, supply=true.supply)
     tree = written_numbers(random, true.joint, first, second)
-    path = tmp_path / "rig.yaml"
+    path = tmp_path_factory.mktemp("damping") / "rig.yaml"
     path.write_text(yaml.safe_dump({"/**": {"ros__parameters": tree}}))
     found = calibrate_joint(
         load_partial_rig(path), 0, [as_recording(to_table(made, False), "log")], said=TOLERANCES
@@ -140,9 +158,30 @@ def test_a_calibration_finds_the_damping_of_regulators_of_the_independent_plant(
     assert found.rig is not None
     numbers = {one.key: one for one in found.numbers}
     for muscle in ("elbow_flexor", "elbow_extensor"):
-        damping = numbers[f"{muscle}.valve.damping"]
-        assert damping.written is None
-        assert damping.value == pytest.approx(0.65, abs=0.05)
-        assert found.rig.muscle(muscle).valve.damping == damping.value
         lag = numbers[f"{muscle}.valve.time_constant"]
         assert lag.value == pytest.approx(first.time_constant, rel=0.12)
+        damping = numbers[f"{muscle}.valve.damping"]
+        assert damping.written is None
+        assert found.rig.muscle(muscle).valve.damping == damping.value
+    return numbers
+
+
+@pytest.mark.long("the plant's and the design's tests of the damping stand for the whole fit")
+@pytest.mark.parametrize("muscle", ["elbow_flexor", "elbow_extensor"])
+def test_small_steps_show_the_damping_of_regulators_of_the_independent_plant(
+    with_small_steps: dict[str, CalibratedNumber], muscle: str
+) -> None:
+    damping = with_small_steps[f"{muscle}.valve.damping"]
+    assert damping.status != KEPT
+    assert damping.high - damping.low < 0.3
+    assert damping.value == pytest.approx(DAMPING, abs=0.15)
+
+
+@pytest.mark.long("the plant's and the design's tests of the damping stand for the whole fit")
+@pytest.mark.xfail(strict=True, reason="docs/from_log_to_rig.md: it is found a tenth too large")
+@pytest.mark.parametrize("muscle", ["elbow_flexor", "elbow_extensor"])
+def test_a_calibration_finds_the_damping_of_regulators_of_the_independent_plant(
+    with_small_steps: dict[str, CalibratedNumber], muscle: str
+) -> None:
+    damping = with_small_steps[f"{muscle}.valve.damping"]
+    assert damping.value == pytest.approx(DAMPING, abs=0.05)

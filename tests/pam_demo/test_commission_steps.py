@@ -371,7 +371,7 @@ def test_a_recording_takes_measurements_at_their_stamps(elbow: Rig) -> None:
         ]
     ].to_numpy()
     speed = np.abs(np.diff(true, axis=0)).max(axis=0)  # per period
-    assert (np.abs(shown - true).max(axis=0) < 0.1 * speed).all()
+    assert (np.abs(shown - true).max(axis=0) <= 0.25 * speed).all()
 
 
 def test_the_age_of_a_message_is_that_of_its_stamp() -> None:

@@ -14,13 +14,16 @@ import yaml
 
 from pam_gap.__main__ import main
 from pam_gap.calibration.calibration import DETERMINED, KEPT, Calibration, calibrate_joint
-from pam_gap.calibration.free_numbers import Said
+from pam_gap.calibration.calibration_rules import DEFAULT
+from pam_gap.calibration.free_numbers import Said, ordinary_numbers
 from pam_gap.calibration.intervals import Knowledge
 from pam_gap.calibration.staged_fit import motion_records
 from pam_gap.prediction.fit import FreeParameter
 from pam_gap.prediction.problem import PredictionProblem
 from pam_gap.recordings.recording import Recording
+from pam_model.effects import EFFECTS
 from pam_model.identify.joint_regression import body_regression, valve_regression
+from pam_model.plant.parameters import bounds_of, neutral_values
 from pam_model.rig import Rig, load_rig, save_rig
 from pam_model.rig.partial import PartialRig, load_partial_rig
 
@@ -201,3 +204,20 @@ def _flat(rig: Rig) -> dict[str, float]:
         return found
 
     return walk(rig.to_parameters(), "")
+
+
+@pytest.mark.parametrize("kind", ["flow", "pressure_regulator"])
+def test_a_small_effect_is_sought_from_none_of_it_on(rig: Rig, kind: str) -> None:
+    """An amount counts from the neutral value: an exhaust without any has a ratio of 1, not 0."""
+    for muscle in rig.muscles:
+        scale = muscle.max_pressure if kind == "pressure_regulator" else None
+        valve = replace(muscle.valve, kind=kind, full_scale=scale)
+        rig = rig.with_muscle(replace(muscle, valve=valve))
+    found = ordinary_numbers(rig, rig.joints[0], DEFAULT, has_commands=True)
+    assert found
+    for one in found:
+        low, high = bounds_of(one.name)
+        assert low <= one.free.low < one.free.centre < one.free.high <= high, one.name
+        effect, key = one.name.split(".")[-2:]
+        if not EFFECTS[effect].parameters[key].is_shape:
+            assert neutral_values()[one.name] in (one.free.low, one.free.high), one.name

@@ -92,6 +92,22 @@ def test_the_start_of_an_ordinary_size_is_the_mean_of_both_muscles(rig: Rig, rec
         assert start == pytest.approx(neutral + 0.4 * reach)
 
 
+def test_what_a_good_rig_has_less_of_starts_below_its_neutral_value(rig: Rig) -> None:
+    """The exhaust of a good regulator lets up to half less air through than its supply path."""
+    for muscle in rig.muscles:
+        valve = replace(muscle.valve, kind="pressure_regulator", full_scale=muscle.max_pressure)
+        rig = rig.with_muscle(replace(muscle, valve=valve))
+    problem = SimpleNamespace(rig=rig, joint=0, sides=("agonist", "antagonist"))
+    found = SimpleNamespace(result=SimpleNamespace(amounts=np.array([0.4, 0.8])), effects=())
+    background = SimpleNamespace(effects=("exhaust_restriction",) * 2)
+    [member], starts = ordinary_members(
+        SimpleNamespace(problem=problem), background, found, candidates_for(rig, rig.joints[0])
+    )
+    assert member.effect == "exhaust_restriction"
+    assert starts == pytest.approx(2 * [1.0 - 0.6 * 0.5])
+    assert {(one.low, one.high) for one in member.free} == {(0.5, 1.0)}
+
+
 @needs_numba
 def test_no_improved_rig_is_written_that_is_worse_than_the_rig_file(
     rig: Rig, record: Maker

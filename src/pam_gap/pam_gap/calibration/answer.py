@@ -30,7 +30,8 @@ MORE: Mapping[str, str] = {
     "sonic_conductance": "fast filling and emptying, with the valve fully open at times",
     "critical_ratio": "filling until the pressure is near the supply, emptying until near ambient",
     "time_constant": "steps of the commands, recorded at 500 Hz or more",
-    "damping": "steps of the commands, recorded at 500 Hz or more",
+    "damping": "small steps of the commands, 1 or 2 % of the supply pressure, recorded at 500 Hz: "
+    "larger ones are limited by the flow of air",
     "supply_pressure": "a pressure gauge at the supply, or filling until the pressure stands still",
     "gain": "a reference gauge at the sensor",
     "bias": "a rest with both muscles vented",

@@ -203,9 +203,11 @@ def ordinary_numbers(
         if stage == ORDINARY_VALVE and not has_commands:
             continue
         for path in paths:
-            middle, spread = rules.usual * size, rules.usual_spread * abs(size)
-            ends = sorted((0.0, rules.usual_most * size))
+            neutral = EFFECTS[effect].parameters[path.rpartition(".")[2]].neutral
+            middle, spread = neutral + rules.usual * size, rules.usual_spread * abs(size)
+            ends = sorted((neutral, neutral + rules.usual_most * size))
             free = FreeParameter(path, ends[0], ends[1], 0.5 * spread, spread, middle)
+            free = _bounded(free, *bounds_of(path))
             found.append(
                 FreeRigNumber(path, key_in_file(path, joint), UNITS[path], stage, free, middle)
             )

@@ -62,12 +62,16 @@ def ordinary_members(
         if share <= 0.0 or not is_known or candidate.effect in chosen.effects:
             continue
         free = []
-        for parameter, start, (neutral, reach) in zip(
-            candidate.free, candidate.starts[0].tolist(), candidate.ordinary, strict=True
-        ):
+        for parameter, start, targets, (neutral, reach) in zip(
+            candidate.free, candidate.starts[0].tolist(), candidate.targets, candidate.ordinary,
+            strict=True,
+        ):  # fmt: skip
             if reach > 0.0:
-                free.append(replace(parameter, high=min(parameter.high, neutral + reach)))
-                starts.append(neutral + share * reach)
+                change = sizes[targets[0]][1]  # below 0 for what a good rig has less of
+                low, high = sorted((neutral, neutral + change))
+                low, high = max(parameter.low, low), min(parameter.high, high)
+                free.append(replace(parameter, low=low, high=high))
+                starts.append(neutral + share * change)
             else:
                 free.append(parameter)
                 starts.append(start)
