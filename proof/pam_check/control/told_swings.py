@@ -10,7 +10,7 @@ sines. What is told there of a joint that does not swing at rest is a false alar
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Final
 
@@ -137,14 +137,21 @@ def hidden(rough: RoughControl, rig: str) -> HiddenRig:
     return joint, muscles
 
 
-def watch(
+def played(
     controller: Controller,
     truth: HiddenRig,
     points: Sequence[TrajectoryPoint],
     seed: int,
     rests: float = RESTS,
-) -> tuple[float, float, str]:
-    """Play a motion and rest; return the swing at rest [rad], when what is told [s], and it."""
+) -> Iterator[tuple[float, float, str]]:
+    """Play a motion and rest, cycle by cycle.
+
+    Yields
+    ------
+    tuple of float, float, str
+        Time after the motion began [s]; error of the true angle [rad], NaN where the controller
+        has stopped, which is the end; and what was told so far.
+    """
     moves = points[-1].time_from_start
     count, begin = round((SETTLED + moves + rests) / PERIOD), round(SETTLED / PERIOD)
     controller.drop_commands()
@@ -154,27 +161,39 @@ def watch(
         pressure=START_PRESSURE,
     )  # fmt: skip
     name, guard = controller.rig.joints[0].name, controller.guard
-    errors, commands, told_at, told = np.full(count, math.nan), (0.0, 0.0), math.inf, ""
-    starts = {
-        round(APPROACH[0] / PERIOD): [
-            TrajectoryPoint(APPROACH[1], [MOTIONS_BEGIN_AT], [0.0], [0.0])
-        ],
-        begin: points,
-    }
+    approach = [TrajectoryPoint(APPROACH[1], [MOTIONS_BEGIN_AT], [0.0], [0.0])]
+    starts = {round(APPROACH[0] / PERIOD): approach, begin: points}
+    commands = (0.0, 0.0)
     for k in range(count):
         now = k * PERIOD
         shown = plant.advance(commands)
         if k in starts:
             controller.references.follow([name], starts[k], start=None, now=now)
         output = controller.step(now, Measurement([shown[2]], [shown[0], shown[1]], now, now))
-        if not told:
-            told = guard.stopped or guard.softened or guard.swings
-            told_at = now - SETTLED if told else math.inf
+        told = guard.stopped or guard.softened or guard.swings
         if output.commands is None:
-            return math.inf, told_at, told
+            yield now - SETTLED, math.nan, told
+            return
         commands = (output.commands[0], output.commands[1])
-        errors[k] = controller.references.sample(name, now).position - plant.truth[k, 2]
-    return swing_size(errors[-round(JUDGED / PERIOD) :]), told_at, told
+        reference = controller.references.sample(name, now).position
+        yield now - SETTLED, reference - float(plant.truth[k, 2]), told
+
+
+def watch(
+    controller: Controller, truth: HiddenRig, points: Sequence[TrajectoryPoint], seed: int
+) -> tuple[float, float, str]:
+    """Play a motion and rest; return the swing at rest [rad], when what is told first [s], and it.
+
+    The swing of a joint that the controller has stopped is infinite.
+    """
+    errors, told_at, first = [], math.inf, ""
+    for time, error, told in played(controller, truth, points, seed):
+        errors.append(error)
+        if told and not first:
+            told_at, first = time, told
+    if math.isnan(errors[-1]):
+        return math.inf, told_at, first
+    return swing_size(np.array(errors[-round(JUDGED / PERIOD) :])), told_at, first
 
 
 def swing_size(errors: Array) -> float:
