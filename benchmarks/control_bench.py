@@ -23,7 +23,7 @@ from pam_control.control_step import Measurement
 from pam_control.controller_parameters import create_controller, parameter_table
 from pam_model.argument_types import count
 from pam_model.command_line import Arguments, Command, Outcome, Parser, run_command
-from pam_model.joints.antagonistic_joint import AntagonisticJoint
+from pam_model.joints.joint_statics import JointStatics
 from pam_model.rig import Rig
 
 PERIOD = 0.002  # s
@@ -57,7 +57,7 @@ def step_times(rig: Rig) -> list[float]:
 
 def bare_time(rig: Rig) -> float:
     """Median processor time of the inverse model, once for each joint [s]."""
-    joints = [AntagonisticJoint.from_rig(rig, name) for name in rig.joint_names]
+    joints = [JointStatics.from_rig(rig, name) for name in rig.joint_names]
     times = []
     for step in range(STEPS):
         q = 0.3 * math.sin(0.004 * step)

@@ -25,7 +25,8 @@ from diagnosis_bench import declare_rigs, draw_cases
 
 from pam_gap.answer.report import write_report
 from pam_gap.answer.report_of_diagnosis import report_data
-from pam_gap.diagnose_recordings import DiagnosisOptions, prepared_subject
+from pam_gap.diagnose_recordings import prepared_subject
+from pam_gap.diagnosis_engine import DiagnosisOptions
 from pam_gap.diagnosis_files import to_diagnose
 from pam_gap.first_look import first_look
 from pam_gap.prediction.problem import PredictionProblem

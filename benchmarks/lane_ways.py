@@ -37,7 +37,7 @@ from pam_model.plant.batch_kernel import simulate_block
 from pam_model.plant.constants import derive_constants
 from pam_model.plant.lane_blocks import blocks_of_lanes
 from pam_model.plant.lane_choice import lane_kernels
-from pam_model.plant.layout import N_OUTPUTS
+from pam_model.plant.layout import outputs_of
 from pam_model.plant.parameters import PlantParameters
 from pam_model.plant.simulate import Plant, initial_state
 from pam_model.rig import load_rig
@@ -220,7 +220,7 @@ def of_the_suite(*, side_by_side: bool) -> float:
     constants = np.repeat(derive_constants(parameters.values)[None], LANES, 0)
     states = np.repeat(initial_state(parameters)[None], LANES, 0)
     commands = np.tile([0.05, -0.05], (LONG, 1))
-    outputs = np.empty((LANES, LONG, N_OUTPUTS))
+    outputs = np.empty((LANES, LONG, outputs_of(2)))
     tables = tuple(np.ascontiguousarray(table) for table in parameters.tables)
     kernel = lane_kernels(constants)[0].for_all(LANES)
     (group,) = blocks_of_lanes(constants, [kernel], STEPS * STEP, STEP)

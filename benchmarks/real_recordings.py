@@ -1,21 +1,25 @@
-"""Diagnose the measured recordings in tests/data, and compare with what is known of them.
+"""Diagnose measured recordings of others, and compare with what is known of them.
 
-`python benchmarks/real_recordings.py --out out/real_recordings` prints the table of
-docs/how_often_right.md. With `--check` it ends with exit code 1 if an answer is sure and wrong.
+`python benchmarks/real_recordings.py --out out/real_recordings` prints the first rows of the table
+of docs/how_often_right.md, with `--clones FOLDER` all of them. With `--check` it ends with exit
+code 1 if an answer is sure and wrong.
 """
 
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import pandas as pd
+import public_logs
 import yaml
 
 from pam_gap.diagnosis_files import diagnose_files
-from pam_model.argument_types import output_folder
+from pam_model.argument_types import input_folder, output_folder
 from pam_model.command_line import Arguments, Command, Outcome, Parser, run_command
 from pam_model.errors import PamError
 from pam_model.rig import Rig, load_rig, save_rig
@@ -26,6 +30,7 @@ EPISODE = 1.3  # s
 ARM_RATE = 100.0  # Hz; an assumption, the origin states none
 ARM_FULL_SCALE = 5e5  # Pa; an assumption, the origin normalised its pressures
 REFUSED = "refused"
+TABLES = (".csv", ".gz", ".parquet", ".mat", ".json", ".txt", ".mcap")
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,15 +41,15 @@ class Measured:
     ----------
     name, known : str
         What it is, and what is known of it.
-    possible : frozenset of str
-        Effects that may be named.
+    possible : frozenset of str or None
+        Effects that may be named; None if nothing is known of them.
     answer : callable
         Makes the diagnosis in a folder: verdict, effects and sentence.
     """
 
     name: str
     known: str
-    possible: frozenset[str]
+    possible: frozenset[str] | None
     answer: Callable[[Path], tuple[str, tuple[str, ...], str]]
 
 
@@ -176,7 +181,86 @@ RECORDINGS = (
 )
 
 
+def _prepared(log: public_logs.Prepared, out: Path) -> tuple[str, tuple[str, ...], str]:
+    recordings, rig, column_map = log
+    return _diagnosed(recordings, rig, out, column_map=column_map)
+
+
+def _joint_of_arm(clones: Path, out: Path, sign: float) -> tuple[str, tuple[str, ...], str]:
+    rig = arm_rig()
+    joint = rig.joints[0]
+    rig = replace(rig, joints=(joint,), muscles=rig.muscles[:2])
+    save_rig(rig, out / "rig.yaml")
+    table = public_logs.arm_table(clones)
+    public_logs.as_channels(table, joint.name, joint.muscles, sign).to_csv(
+        out / "recording.csv", index=False
+    )
+    return _diagnosed([out / "recording.csv"], out / "rig.yaml", out)
+
+
+def of_clones(clones: Path) -> tuple[Measured, ...]:
+    """The logs that are not part of this repository."""
+    return (
+        Measured(
+            "Festo muscle of 10 mm, held at four lengths (12 recordings)",
+            "bladder, ends and threshold pressure that an ideal braid does not have",
+            frozenset(
+                {"bladder_elasticity", "end_caps", "threshold_pressure", "hysteresis", "creep"}
+            ),
+            lambda out: _prepared(public_logs.held_muscle(clones, out), out),
+        ),
+        Measured(
+            "Festo muscle of 10 mm and 15 cm: force models, held-out tests",
+            "-",
+            frozenset(),
+            lambda out: ("-", (), public_logs.held_out_errors(clones, out)),
+        ),
+        Measured(
+            "joint of an arm with regulators, 100 Hz",
+            "the sign of the angle is reversed; geometry and unit are not published",
+            frozenset(),
+            lambda out: _joint_of_arm(clones, out, 1.0),
+        ),
+        Measured(
+            "the same with the sign turned",
+            "geometry and unit are not published",
+            frozenset(),
+            lambda out: _joint_of_arm(clones, out, -1.0),
+        ),
+        Measured(
+            "regulator of a soft robot, 50 Hz",
+            "neither length nor force was recorded",
+            frozenset(),
+            lambda out: _prepared(public_logs.regulator(clones, out), out),
+        ),
+    )
+
+
+def of_folder(cases: Path) -> tuple[Measured, ...]:
+    """One row for each subfolder that holds a rig.yaml, tables and perhaps a map.yaml."""
+    found = []
+    for rig in sorted(cases.glob("*/rig.yaml")):
+        tables = [path for path in sorted(rig.parent.iterdir()) if path.suffix in TABLES]
+        column_map = rig.parent / "map.yaml"
+        log = tables, rig, column_map if column_map.exists() else None
+        if tables:
+            found.append(Measured(rig.parent.name, "-", None, partial(_prepared, log)))
+    return tuple(found)
+
+
 def _declare(parser: Parser) -> None:
+    parser.add_argument(
+        "--clones",
+        type=input_folder,
+        metavar="FOLDER",
+        help="folder with clones of the repositories on the page, which are not part of this one",
+    )
+    parser.add_argument(
+        "--cases",
+        type=input_folder,
+        metavar="FOLDER",
+        help="folder with logs of your own: in each subfolder rig.yaml, tables, perhaps map.yaml",
+    )
     parser.add_argument(
         "--out",
         type=output_folder,
@@ -187,26 +271,38 @@ def _declare(parser: Parser) -> None:
 
 def _run(given: Arguments) -> Outcome:
     rows, wrong = [], []
-    for number, measured in enumerate(RECORDINGS):
+    recordings: tuple[Measured, ...] = RECORDINGS
+    if given.clones is not None:
+        recordings += of_clones(given.clones)
+    if given.cases is not None:
+        recordings += of_folder(given.cases)
+    for number, measured in enumerate(recordings):
         out = given.out / str(number)
         out.mkdir(parents=True, exist_ok=True)
-        verdict, effects, sentence = measured.answer(out)
+        began = time.process_time()
+        try:
+            verdict, effects, sentence = measured.answer(out)
+        except PamError as error:
+            verdict, effects, sentence = REFUSED, (), str(error)
+        seconds = time.process_time() - began
         rows.append(
             {
                 "recording": measured.name, "known": measured.known, "verdict": verdict,
-                "effects": ", ".join(effects), "sentence": sentence,
+                "effects": ", ".join(effects), "seconds": round(seconds, 1), "sentence": sentence,
             }
         )  # fmt: skip
+        print(f"{measured.name} ({measured.known}): {verdict}, {seconds:.0f} s\n    {sentence}")
+        if measured.possible is None:
+            continue
         strangers = set(effects) - measured.possible
         if strangers or "none" in verdict.split(", "):
             wrong.append(f"{measured.name}: {verdict} {', '.join(sorted(strangers))}".rstrip())
-    print(pd.DataFrame(rows).to_string(index=False, max_colwidth=70))
     return Outcome(rows, wrong)
 
 
 BENCH = Command(
     "real_recordings",
-    "diagnose all measured recordings and compare with what is known of them",
+    "diagnose measured recordings of others and compare with what is known of them",
     _declare,
     _run,
     bad_news="if an answer is sure and wrong",

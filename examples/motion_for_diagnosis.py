@@ -49,9 +49,7 @@ def waypoints(reach: float, seed: int = 1) -> list[tuple[float, float]]:
 def largest_stiffness(rig: pam_model.Rig, joint: str) -> float:
     """What the muscles reach without load in the middle of the range [N m/rad]."""
     middle = 0.5 * sum(rig.joint(joint).position_limits)
-    return (
-        pam_model.AntagonisticJoint.from_rig(rig, joint).pressures_for(0.0, 1e9, middle).stiffness
-    )
+    return pam_model.JointStatics.from_rig(rig, joint).pressures_for(0.0, 1e9, middle).stiffness
 
 
 class Motion(Node):

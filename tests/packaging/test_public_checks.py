@@ -28,7 +28,7 @@ from .test_public_names import PUBLIC, face
 
 RIG = pam_model.load_rig(ELBOW)
 PLANT = pam_model.PlantParameters.from_rig(RIG)
-JOINT = pam_model.AntagonisticJoint.from_rig(RIG)
+JOINT = pam_model.JointStatics.from_rig(RIG)
 GEOMETRY = {"thread_length": 0.25, "turns": 2.0, "rest_length": 0.23, "wall_thickness": 0.0}
 
 
@@ -38,8 +38,8 @@ def _fields(thing: Any) -> dict[str, Any]:
 
 CALLS: dict[Callable[..., Any], dict[str, Any]] = {
     pam_model.MuscleGeometry: GEOMETRY,
-    pam_model.AntagonisticJoint: {
-        "agonist": JOINT.agonist, "antagonist": JOINT.antagonist, "pulley_radius": 0.02,
+    pam_model.JointStatics: {
+        "muscles": JOINT.muscles, "arms": JOINT.arms,
         "ambient_pressure": 101325.0, "exponent": 1.0,
     },
     pam_model.Plant: {"parameters": PLANT, "step": 1e-3},
@@ -117,8 +117,8 @@ LOOK_UPS: dict[str, tuple[Callable[[], object], str]] = {
     "Rig.muscle": (lambda: RIG.muscle("elbow_flexo"), "elbow_flexor"),
     "Rig.joint_of": (lambda: RIG.joint_of("elbow_flexo"), "elbow_flexor"),
     "Rig.force_model": (lambda: RIG.force_model("elbow_flexo"), "elbow_flexor"),
-    "AntagonisticJoint.from_rig": (
-        lambda: pam_model.AntagonisticJoint.from_rig(RIG, joint="elbo"),
+    "JointStatics.from_rig": (
+        lambda: pam_model.JointStatics.from_rig(RIG, joint="elbo"),
         "elbow",
     ),
     "PlantParameters.from_rig": (
@@ -181,8 +181,8 @@ def test_a_joint_is_found_by_its_name_and_by_its_number():
     for wrong in (1, -1, None):
         with pytest.raises(pam_model.PamError, match="unknown joint"):
             RIG.joint(wrong)
-    assert pam_model.AntagonisticJoint.from_rig(RIG, joint="elbow").torque(3e5, 2e5, 0.1) == (
-        JOINT.torque(3e5, 2e5, 0.1)
+    assert pam_model.JointStatics.from_rig(RIG, joint="elbow").torque((3e5, 2e5), 0.1) == (
+        JOINT.torque((3e5, 2e5), 0.1)
     )
 
 

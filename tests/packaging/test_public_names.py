@@ -32,7 +32,7 @@ PUBLIC = {
         "import_recording",
     },
     "pam_model": {
-        "AntagonisticJoint", "EFFECTS", "MuscleGeometry", "PamError", "Plant", "PlantParameters",
+        "JointStatics", "EFFECTS", "MuscleGeometry", "PamError", "Plant", "PlantParameters",
         "Rig", "RigError", "compare", "create_force_model", "fit", "initial_state", "load_rig",
         "load_measurements", "registered_models", "save_rig", "simulate", "simulate_measured",
     },

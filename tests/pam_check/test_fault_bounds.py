@@ -14,7 +14,8 @@ from pam_check.faults.unavoidable_speed import RECOGNISED, burst_speed, stuck_va
 from pam_model.identify.size import size_joint, sized_rig
 from pam_model.rig import load_rig
 from pam_sim.faults.fault_kind import LOWERING
-from pam_sim.faults.kinds import KINDS, kind_called
+from pam_sim.faults.kinds import KINDS
+from support.fault_kinds import kind_called
 
 
 def within(chain) -> Trial:

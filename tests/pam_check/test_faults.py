@@ -27,8 +27,9 @@ from pam_sim.fault_injection import parse_injection
 from pam_sim.faults import rig_faults
 from pam_sim.faults.fault_kind import STOPS, Reaction, Stays
 from pam_sim.faults.frame_faults import FrameFault, FrameFaults
-from pam_sim.faults.kinds import ALL_KINDS, KINDS, kind_called, write_into
+from pam_sim.faults.kinds import ALL_KINDS, KINDS, write_into
 from pam_sim.faults.rig_faults import POSITION, RigFaults
+from support.fault_kinds import kind_called
 from support.rigs import ELBOW
 
 SAFETY_PAGE = Path(__file__).parents[2] / "docs/safety_tables.md"

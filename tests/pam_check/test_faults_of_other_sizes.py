@@ -14,8 +14,8 @@ from pam_driver.safety.states import SafetyState
 from pam_model.errors import PamError
 from pam_model.identify.size import size_joint, sized_rig
 from pam_model.rig import Rig, load_rig
-from pam_sim.faults.kinds import kind_called
 from pam_sim.faults.size_of_faults import ranges_on
+from support.fault_kinds import kind_called
 
 # torque [N m], length of the muscles [m], inertia [kg m^2], damping [N m s/rad], pressure [Pa]
 RIGS = {

@@ -26,9 +26,9 @@ from pam_driver.safety.states import SafetyState
 from pam_model.effects import EFFECTS
 from pam_sim.boards.protocol import BoardValve
 from pam_sim.faults.frame_faults import FrameFault, FrameFaults
-from pam_sim.faults.kinds import kind_called
 from pam_sim.faults.rig_faults import RigFaults, lagging
 from pam_sim.simulated_rig import SimulatedRig
+from support.fault_kinds import kind_called
 
 FRAME = (0x100, bytes(range(8)))
 

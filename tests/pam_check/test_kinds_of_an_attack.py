@@ -11,7 +11,7 @@ from pam_check.faults.campaign import in_a_fork
 from pam_check.faults.trial import run_trial
 from pam_driver.safety.states import SafetyState
 from pam_ros.message_sources import MessageSources
-from pam_sim.faults.kinds import kind_called
+from support.fault_kinds import kind_called
 
 
 def trial(chain, name, **values):

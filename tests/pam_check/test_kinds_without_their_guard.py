@@ -26,7 +26,7 @@ from pam_driver.safety.loop_watch import LoopWatch
 from pam_driver.safety.pressure_plausibility import PressurePlausibility
 from pam_driver.safety.sensor_checks import SensorChecks
 from pam_driver.start_up import StartUp
-from pam_sim.faults.kinds import kind_called
+from support.fault_kinds import kind_called
 
 Patch = pytest.MonkeyPatch
 Guard = Callable[[Any, Patch], None]

@@ -14,7 +14,7 @@ from pam_check.faults.acts import activate, clear_faults, hold_at, settle, vent
 from pam_check.faults.campaign import in_a_fork
 from pam_check.faults.rig_bounds import bounds_of
 from pam_driver.safety.states import SafetyState
-from pam_model.plant.layout import MUSCLES
+from pam_model.plant.joint_muscles import SIDES
 from pam_sim.faults.rig_faults import POSITION, RigFaults, offset
 
 SUDDEN = 10.0  # a turn count so much larger takes the force, and leaves the volume to a dead one
@@ -151,7 +151,7 @@ def tendon_breaks(side: str) -> Callable[[Any], None]:
 
 @pytest.mark.sampled("either tendon, at one of the two angles")
 @pytest.mark.parametrize("angle", [None, 0.75])
-@pytest.mark.parametrize("side", MUSCLES)
+@pytest.mark.parametrize("side", SIDES)
 def test_a_tendon_that_breaks_is_seen_in_a_moment_but_the_other_muscle_throws_the_arm(
     chain: Any, side: str, angle: float | None
 ) -> None:

@@ -43,11 +43,11 @@ class Record:
         return float(np.sqrt(np.mean(self.error(start, end) ** 2)))
 
 
-def _first_reading(plant: Plant) -> tuple[float, float, float]:
+def _first_reading(plant: Plant) -> tuple[float, ...]:
     """Position and pressures as the plant's sensors show them before it moves."""
     now = plant.output
     return SensorFilter(plant.parameters.values).update(
-        0.0, now["position"], now["agonist.pressure"], now["antagonist.pressure"]
+        0.0, now["position"], [now["agonist.pressure"], now["antagonist.pressure"]]
     )
 
 

@@ -23,7 +23,7 @@ from pam_model.plant.control_laws import (
     memory_advance,
     spool_position,
 )
-from pam_model.plant.layout import AGONIST
+from pam_model.plant.layout import C_MUSCLES
 from pam_model.plant.parameters import PlantParameters
 from pam_model.plant.simulate import initial_state, simulate
 from pam_model.robot import compose
@@ -48,10 +48,10 @@ class Memory:
         self.constants, self.state = rows.c[0], rows.memory[0]
 
     def move(self, stroke, duration):
-        memory_advance(AGONIST, self.constants, self.state, 0, stroke, duration)
+        memory_advance(C_MUSCLES, self.constants, self.state, 0, stroke, duration)
 
     def pull(self, pressure):
-        return memory_pull(AGONIST, self.constants, self.state, 0, pressure)[0]
+        return memory_pull(C_MUSCLES, self.constants, self.state, 0, pressure)[0]
 
 
 def along(rig):

@@ -19,7 +19,7 @@ from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.references.trajectory import TrajectoryPoint
 from pam_control.settings import ControlSettings
 from pam_model.joints.affine_inverse import affine_line, affine_pressures
-from pam_model.joints.antagonistic_joint import AntagonisticJoint
+from pam_model.joints.joint_statics import JointStatics
 from pam_model.plant.compiled import HAVE_NUMBA
 from pam_model.rig import Rig, load_rig, rig_from_parameters
 
@@ -170,9 +170,9 @@ def test_nothing_is_compiled_in_a_cycle() -> None:
 def test_the_inverse_of_rows_is_that_of_the_joint(
     rig: Rig, position: float, torque: float, stiffness: float
 ) -> None:
-    joint = AntagonisticJoint.from_rig(rig, 0, min_pressure=5e3)
+    joint = JointStatics.from_rig(rig, 0, min_pressure=5e3)
     lines = []
-    pair = zip((joint.agonist, joint.antagonist), joint.lengths(position), strict=True)
+    pair = zip(joint.muscles, joint.lengths(position), strict=True)
     for muscle, length in pair:
         model = muscle.affine_model
         assert model is not None
@@ -183,7 +183,7 @@ def test_the_inverse_of_rows_is_that_of_the_joint(
             )
         )  # fmt: skip
     expected = joint.pressures_for(torque, stiffness, position)
-    found = affine_pressures(lines[0], lines[1], joint.pulley_radius, torque, stiffness)
+    found = affine_pressures(lines[0], lines[1], joint.radius, torque, stiffness)
     assert found[:4] == pytest.approx(
         (expected.agonist, expected.antagonist, expected.torque, expected.stiffness), rel=1e-12
     )

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -24,6 +26,7 @@ from pam_demo.commission.motion_loop import NEARLY_EMPTY, scale_of
 from pam_demo.commission.motions import filling, staircase, steps
 from pam_demo.commission.play import play, start_up_check, touch
 from pam_demo.commission.robot_port import JointReading
+from pam_demo.commission.ros_port_node import age_of_stamp
 from pam_demo.commission.tracking import controller_for, reaches, track
 from pam_demo.commission.watch import Limits, Seen, watched
 from pam_gap.calibration.calibration import DETERMINED, KEPT, CalibratedNumber
@@ -337,6 +340,48 @@ def test_a_recording_is_free_of_the_delays_of_its_port(
     assert np.abs(np.array(simulated) - recorded.to_numpy()).max() < 1.0  # Pa
 
 
+class StampedPort(WiredPort):
+    """A robot whose messages come at times of their own: each is up to two periods old."""
+
+    def __init__(self, rig: Rig) -> None:
+        super().__init__(rig)
+        self._ages = np.random.default_rng(46)
+
+    def advance(self, commands: Sequence[float]) -> JointReading:
+        now = super().advance(commands)
+        older = [int(self._ages.integers(0, 3)) for _ in range(2)]
+        at, of = (self.truth[max(len(self.truth) - 1 - n, 0)] for n in older)
+        return JointReading(
+            now.time, at.position, of.pressures, "", now.time - at.time, now.time - of.time
+        )
+
+
+def test_a_recording_takes_measurements_at_their_stamps(elbow: Rig) -> None:
+    """A mean age would leave half a period of jitter, which looks like noise of the sensors."""
+    scale, port = scale_of(elbow, PERIOD), StampedPort(elbow)
+    played = play(port, elbow, filling(scale), scale, Limits.of(elbow))
+    assert not played.stopped
+    table = played.table.iloc[:-2]  # a message that is on its way at the end is not known
+    true = np.array([(one.position, *one.pressures) for one in port.truth])[: len(table)]
+    shown = table[
+        [
+            "joint_states.elbow.position",
+            "pressure_states.elbow_flexor",
+            "pressure_states.elbow_extensor",
+        ]
+    ].to_numpy()
+    speed = np.abs(np.diff(true, axis=0)).max(axis=0)  # per period
+    assert (np.abs(shown - true).max(axis=0) < 0.1 * speed).all()
+
+
+def test_the_age_of_a_message_is_that_of_its_stamp() -> None:
+    now = time.time()
+    stamp = SimpleNamespace(sec=int(now - 0.02), nanosec=int(1e9 * ((now - 0.02) % 1.0)))
+    assert age_of_stamp(stamp) == pytest.approx(0.02, abs=5e-3)
+    assert age_of_stamp(SimpleNamespace(sec=int(now) + 60, nanosec=0)) == 0.0
+    assert age_of_stamp(SimpleNamespace(sec=0, nanosec=0)) == 0.0
+
+
 def test_a_tracking_test_plans_while_the_joint_rests_and_is_judged_at_the_time_of_its_readings(
     elbow: Rig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -440,7 +485,7 @@ def test_a_valve_whose_zero_is_off_is_no_reversed_one(elbow: Rig) -> None:
 def test_a_single_wrong_reading_accuses_no_valve(elbow: Rig) -> None:
     class NoisyPort(WiredPort):
         def advance(self, commands: Sequence[float]) -> JointReading:
-            time, position, pressures, _ = super().advance(commands)
+            time, position, pressures, *_ = super().advance(commands)
             outlier = 8e3 if len(self.truth) % 40 == 39 else 0.0
             return JointReading(time, position, (pressures[0], pressures[1] + outlier))
 

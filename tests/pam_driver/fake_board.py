@@ -43,10 +43,10 @@ class FakeBoard:
         self.commands: list[ValveCommand] = []
         self.board_commands: list[BoardCommand] = []
         self.rejected = 0
-        self._counter = 0
-        self._armed = False
+        self.counter = 0
+        self.armed = False
         self._heard: int | None = None
-        self._heard_at = -math.inf
+        self.heard_at = -math.inf
         self._sent: dict[type, float] = {}
         self._told = self.state
 
@@ -73,15 +73,15 @@ class FakeBoard:
                 continue
             if board == self.board:
                 self._hear(message, now)
-        late = now - self._heard_at > self.watchdog_timeout
+        late = now - self.heard_at > self.watchdog_timeout
         if self.state is BoardState.ACTIVE and late:
             self.state = BoardState.FAULT
             self.faults |= BoardFault.WATCHDOG
         self.uptime += 0.002
         if not self.counter_frozen:
-            self._counter = (self._counter + 1) & 0xFF
+            self.counter = (self.counter + 1) & 0xFF
         pressures = (self.pressures[0], self.pressures[1])
-        self._send(Measurement(pressures, self.position, self._counter), 0.0, now)
+        self._send(Measurement(pressures, self.position, self.counter), 0.0, now)
         heard = self._heard or 0
         if self.state is not self._told:
             self._told = self.state
@@ -108,14 +108,14 @@ class FakeBoard:
             if message.code is BoardCode.LATCH_FAULT and self.keeps_host_fault:
                 self.state = BoardState.FAULT
                 self.faults |= BoardFault.HOST
-            self._armed = False
+            self.armed = False
         elif isinstance(message, ValveCommand) and message.counter != self._heard:
             self._heard = message.counter
-            self._heard_at = now
+            self.heard_at = now
             self.commands.append(message)
             if not any(message.enable):
-                self._armed = True
+                self.armed = True
                 if self.state is BoardState.ACTIVE:
                     self.state = BoardState.VENTED
-            elif self.state is BoardState.VENTED and self._armed:
+            elif self.state is BoardState.VENTED and self.armed:
                 self.state = BoardState.ACTIVE

@@ -125,6 +125,24 @@ def test_a_supply_above_the_largest_pressure_is_a_caution(
     assert "(from 400000 Pa)" in shown
 
 
+@pytest.mark.parametrize("key", ["max_pressure", "valve.full_scale"])
+def test_a_supply_that_seems_to_be_written_as_gauge_is_a_caution(key: str) -> None:
+    """What counts on 6 bar with a supply of 6 bar absolute would be right if that were gauge."""
+    rig = replace(load_rig(CONFIG / "elbow_canopen_regulator.yaml"), supply_pressure=600000.0)
+    if key == "max_pressure":
+        for muscle in rig.muscles:
+            valve = replace(muscle.valve, full_scale=4e5)
+            rig = rig.with_muscle(replace(muscle, valve=valve))
+    else:
+        for muscle in rig.muscles:
+            rig = rig.with_muscle(replace(muscle, max_pressure=498675.0))
+    (caution,) = check_rig(rig, Bus(), 500.0).cautions
+    assert f"elbow_flexor.{key}, elbow_extensor.{key} (up to 600000 Pa gauge)" in caution
+    assert "if 600000 Pa are what a gauge shows, write 701325" in caution
+    absolute = check_rig(replace(rig, supply_pressure=701325.0), Bus(), 500.0)
+    assert "what a gauge shows" not in str(absolute.cautions)
+
+
 def test_a_weight_that_the_muscles_cannot_hold_is_a_caution() -> None:
     rig = load_rig(ELBOW)
     heavy = rig.with_joint(replace(rig.joints[0], gravity_torque=60.0))

@@ -335,6 +335,26 @@ def test_odd_numbers_of_a_measurement_are_a_caution(
     assert any(told in doubt for doubt in reader.doubts), reader.doubts
 
 
+@pytest.mark.parametrize(
+    ("kind", "told"),
+    [
+        ("2", "signal 'Shaft_Ang' is a float of 64 bits, but has 32 bits in line "),
+        ("3", "the type of signal 'Shaft_Ang' is '3'; expected 0, 1 or 2"),
+    ],
+)
+def test_a_type_that_contradicts_the_length_of_its_signal_is_told_with_its_line(
+    kind: str, told: str, manifold: WiredBoard, tmp_path: Path
+) -> None:
+    written = "SIG_VALTYPE_ 2566853136 Shaft_Ang : 1;"
+    assert written in GOOD
+    line = GOOD[: GOOD.index(written)].count("\n") + 1
+    reader = read(manifold, tmp_path / "dev.dbc", GOOD.replace(written, f"{written[:-2]}{kind};"))
+    problems = "\n".join(map(str, reader.problems))
+    assert f"line {line}: {told}" in problems
+    other = GOOD.replace("SIG_VALTYPE_ 700 Speed : 0;", f"SIG_VALTYPE_ 700 Speed : {kind};")
+    assert not read(manifold, tmp_path / "dev.dbc", other).problems, "nobody uses it"
+
+
 def test_an_identifier_of_two_messages_or_without_its_flag_is_told_with_its_line(
     manifold: WiredBoard, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:

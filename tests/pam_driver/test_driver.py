@@ -4,24 +4,18 @@ from __future__ import annotations
 
 import math
 import uuid
-from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
 
 from pam_driver.boards.pam_board.codec import (
     BoardCodec,
-    BoardFault,
     BoardState,
-    Heartbeat,
     Measurement,
-    Status,
-    ValveCommand,
 )
 from pam_driver.boards.wiring import RigWiring
-from pam_driver.can_bus.bus import BusState, CanPort, SendOutcome, open_bus
+from pam_driver.can_bus.bus import CanPort, open_bus
 from pam_driver.driver import ActivationError, Driver
-from pam_driver.driver_settings import DriverSettings
 from pam_driver.safety.states import SafetyState
 from pam_driver.safety.valve_command_intake import CommandRefusedError, NamedCommand
 from pam_driver.snapshot import Snapshot
@@ -29,58 +23,8 @@ from pam_model.errors import PamError
 from pam_model.rig import Encoder, Rig
 from support.commands import offer
 
+from .driver_bench import NAMES, PERIOD, SETTINGS, Bench
 from .fake_board import FakeBoard
-
-PERIOD = 0.002
-SETTINGS = DriverSettings()
-NAMES = ("elbow_flexor", "elbow_extensor")
-
-
-class Bench:
-    """A driver, a board and a clock that only moves in steps."""
-
-    def __init__(self, rig: Rig, codec: BoardCodec, ports: tuple[CanPort, CanPort]) -> None:
-        self.port, self.board_port = ports
-        self.codec = codec
-        self.driver = Driver(rig, self.port, SETTINGS)
-        self.board = FakeBoard(self.board_port, codec)
-        self.now = 100.0
-        self.snapshot: Snapshot | None = None
-
-    def step(
-        self,
-        seconds: float = PERIOD,
-        command: tuple[float, float] | None = None,
-        board: bool = True,
-    ) -> Snapshot:
-        """Run for a while, with a fresh command in each cycle if one is given."""
-        for _ in range(max(1, round(seconds / PERIOD))):
-            self.now += PERIOD
-            if board:
-                self.board.step(self.now)
-            if command is not None:
-                offer(self.driver, NamedCommand(NAMES, command), self.now)
-            # the virtual bus stamps with the wall clock, which stands still against this one
-            self.snapshot = self.driver.cycle(self.now, 0.0)
-        assert self.snapshot is not None
-        return self.snapshot
-
-    def start(self) -> None:
-        """Bring it to moving air."""
-        self.step(0.2)
-        self.driver.activate(self.now)
-        self.step(0.7, (0.25, -0.5))
-        assert self.driver.state is SafetyState.ACTIVE
-        assert self.board.state is BoardState.ACTIVE
-
-    def kinds(self) -> set[str]:
-        """Kinds of the latched faults."""
-        return {fault.kind for fault in self.driver.faults}
-
-
-@pytest.fixture
-def bench(rig: Rig, codec: BoardCodec, ports: tuple[CanPort, CanPort]) -> Bench:
-    return Bench(rig, codec, ports)
 
 
 def test_commands_reach_the_valves_and_measurements_come_back(bench: Bench) -> None:
@@ -131,7 +75,7 @@ def test_commands_that_nobody_may_follow_are_counted_with_the_reason(bench: Benc
         bench.driver.set_commands(command, bench.now)
     bench.start()
     assert bench.driver.intake.last_rejection == ""
-    burst(bench)
+    bench.board.pressures[0] = 610_000.0
     bench.step(0.05)
     with pytest.raises(CommandRefusedError, match="a fault is latched; clear it, then activate"):
         bench.driver.set_commands(command, bench.now)
@@ -144,138 +88,6 @@ def test_activation_names_the_missing_board(bench: Bench) -> None:
     with pytest.raises(ActivationError, match="board 0"):
         bench.driver.activate(bench.now)
     assert bench.driver.state is SafetyState.VENTING
-
-
-def stop_board(bench: Bench) -> None:
-    bench.board.silent = {Measurement, Status, Heartbeat}
-
-
-def stop_heartbeat(bench: Bench) -> None:
-    bench.board.silent = {Heartbeat}
-
-
-def stop_measurement(bench: Bench) -> None:
-    bench.board.silent = {Measurement}
-
-
-def freeze_counter(bench: Bench) -> None:
-    bench.board.counter_frozen = True
-
-
-def lose_sensor(bench: Bench) -> None:
-    bench.board.pressures[1] = math.nan
-
-
-def lose_encoder(bench: Bench) -> None:
-    bench.board.position = math.nan
-
-
-def burst(bench: Bench) -> None:
-    bench.board.pressures[0] = 610_000.0
-
-
-def board_fault(bench: Bench) -> None:
-    bench.board.state = BoardState.FAULT
-    bench.board.faults = BoardFault.VALVE
-
-
-def board_vents(bench: Bench) -> None:
-    bench.board.state = BoardState.VENTED
-    bench.board._armed = False
-
-
-def restart(bench: Bench) -> None:
-    bench.board.uptime = 0.0
-
-
-def deafen(bench: Bench) -> None:
-    # a board whose receiver hangs, with a watchdog that hangs as well
-    bench.board.deaf = True
-    bench.board._heard_at = math.inf
-
-
-def other_protocol(bench: Bench) -> None:
-    bench.board.protocol_version = 99
-
-
-def bus_off(bench: Bench) -> None:
-    bench.port._controller = BusState.BUS_OFF
-    stop_board(bench)
-
-
-def second_driver(bench: Bench) -> None:
-    command = ValveCommand((0.0, 0.0), (False, False), 3)
-    bench.board_port.send(*bench.codec.encode(0, command), bench.now)
-
-
-CYCLE = 2 * PERIOD
-FAULTS: dict[str, tuple[Callable[[Bench], None], set[str], float]] = {
-    "board lost": (stop_board, {"stale_sensor"}, SETTINGS.sensor_timeout + CYCLE),
-    "heartbeat lost": (stop_heartbeat, {"board_lost"}, SETTINGS.board_timeout + CYCLE),
-    "measurement lost": (stop_measurement, {"stale_sensor"}, SETTINGS.sensor_timeout + CYCLE),
-    "counter frozen": (freeze_counter, {"counter_frozen"}, SETTINGS.sensor_timeout + CYCLE),
-    "sensor lost": (lose_sensor, {"stale_sensor"}, SETTINGS.sensor_timeout + CYCLE),
-    "encoder lost": (lose_encoder, {"stale_sensor"}, SETTINGS.sensor_timeout + CYCLE),
-    "over-pressure": (burst, {"over_pressure"}, CYCLE),
-    "board fault": (board_fault, {"board_fault"}, 0.02 + CYCLE),
-    "board vents": (board_vents, {"board_not_active"}, 0.02 + CYCLE),
-    "board restarts": (restart, {"board_restarted"}, 0.1 + CYCLE),
-    "board deaf": (deafen, {"loop_too_slow"}, 0.16 + CYCLE),
-    "other protocol": (other_protocol, {"protocol_version"}, 0.1 + CYCLE),
-    "bus-off": (bus_off, {"bus_off"}, CYCLE),
-    "second driver": (second_driver, {"foreign_command"}, CYCLE),
-}
-
-
-@pytest.mark.parametrize("name", FAULTS)
-def test_a_fault_vents_in_time_and_stays(name: str, bench: Bench) -> None:
-    inject, kinds, within = FAULTS[name]
-    bench.start()
-    inject(bench)
-    began = bench.now
-    while bench.driver.state is SafetyState.ACTIVE and bench.now - began < 2.0:
-        bench.step(command=(0.25, 0.25))
-    assert bench.now - began <= within + 1e-9
-    assert kinds <= bench.kinds()
-    heard = len(bench.board.commands)
-    bench.step(0.2, (0.25, 0.25))
-    assert bench.driver.state is SafetyState.FAULT
-    if not bench.board.deaf:
-        assert len(bench.board.commands) > heard
-        assert not any(any(command.enable) for command in bench.board.commands[heard + 1 :])
-        assert bench.board.air == (0.0, 0.0)
-    with pytest.raises(ActivationError, match="clear_faults"):
-        bench.driver.activate(bench.now)
-
-
-def test_after_a_fault_clear_activate_and_command_move_again(bench: Bench) -> None:
-    bench.start()
-    burst(bench)
-    bench.step(0.05)
-    assert bench.kinds() == {"over_pressure"}
-    bench.driver.clear_faults(bench.now)
-    with pytest.raises(ActivationError, match=r"elbow_flexor: 610000 Pa"):
-        bench.driver.activate(bench.now)
-    bench.board.pressures[0] = 0.0
-    bench.step(0.1, (0.5, 0.5))
-    assert bench.board.air == (0.0, 0.0)
-    bench.driver.activate(bench.now)
-    bench.step(0.1)
-    assert bench.board.air == (0.0, 0.0)
-    bench.step(0.1, (0.5, 0.5))
-    assert bench.board.air == pytest.approx((0.5, 0.5), abs=2e-5)
-
-
-def test_clear_faults_reaches_the_board(bench: Bench) -> None:
-    bench.step(0.1)
-    bench.board.state, bench.board.faults = BoardState.FAULT, BoardFault.WATCHDOG
-    bench.step(0.1)
-    with pytest.raises(ActivationError, match="watchdog"):
-        bench.driver.activate(bench.now)
-    bench.driver.clear_faults(bench.now)
-    bench.step(0.1)
-    bench.driver.activate(bench.now)
-    assert bench.driver.state is SafetyState.READY
 
 
 @pytest.mark.parametrize("way", ["deactivate", "vent", "close"])
@@ -359,9 +171,8 @@ def test_rounding_beyond_full_scale_is_clipped(bench: Bench) -> None:
 
 def test_values_that_are_not_fresh_are_nan(bench: Bench) -> None:
     bench.step(0.1)
-    lose_sensor(bench)
-    lose_encoder(bench)
-    snapshot = bench.step(SETTINGS.sensor_timeout + CYCLE)
+    bench.board.pressures[1] = bench.board.position = math.nan
+    snapshot = bench.step(SETTINGS.sensor_timeout + 2 * PERIOD)
     assert snapshot.pressures[0] == 0.0
     assert math.isnan(snapshot.pressures[1])
     assert math.isnan(snapshot.positions[0]) and math.isnan(snapshot.velocities[0])
@@ -371,7 +182,7 @@ def test_values_that_are_not_fresh_are_nan(bench: Bench) -> None:
 def test_a_lost_frame_or_two_are_no_fault(bench: Bench) -> None:
     bench.start()
     for _ in range(20):
-        bench.board._counter += 2
+        bench.board.counter += 2
         bench.step(0.01, (0.0, 0.0))
     assert bench.driver.state is SafetyState.ACTIVE
     assert bench.driver.boards[0].frames_lost == 40
@@ -379,7 +190,7 @@ def test_a_lost_frame_or_two_are_no_fault(bench: Bench) -> None:
 
 def test_frames_out_of_order_are_not_used(bench: Bench) -> None:
     bench.step(0.1)
-    old = bench.codec.encode(0, Measurement((1e5, 1e5), 0.3, (bench.board._counter - 2) & 0xFF))
+    old = bench.codec.encode(0, Measurement((1e5, 1e5), 0.3, (bench.board.counter - 2) & 0xFF))
     bench.board_port.send(*old, bench.now)
     snapshot = bench.driver.cycle(bench.now, 0.0)
     assert snapshot.positions == (0.0,)
@@ -405,39 +216,6 @@ def test_a_bad_frame_is_counted_named_and_not_fatal(
     assert bench.driver.frame_errors == {kind: 1}
     assert f"0x{frame_id:03X}" in bench.driver.last_frame_error[kind]
     assert bench.driver.state is SafetyState.ACTIVE
-
-
-class RefusingPort:
-    """A port whose transmit queue is full, or whose interface is down."""
-
-    def __init__(self, port: CanPort, outcome: SendOutcome) -> None:
-        self.port = port
-        self.outcome = outcome
-
-    @property
-    def state(self) -> BusState:
-        down = self.outcome is SendOutcome.BUS_DOWN
-        return BusState.DOWN if down else BusState.ERROR_ACTIVE
-
-    def receive_all(self, now: float) -> list:
-        return self.port.receive_all(now)
-
-    def send(self, frame_id: int, data: bytes, now: float) -> SendOutcome:
-        return self.outcome
-
-
-@pytest.mark.parametrize(
-    ("outcome", "kind"),
-    [(SendOutcome.QUEUE_FULL, "send_blocked"), (SendOutcome.BUS_DOWN, "bus_down")],
-)
-def test_a_bus_that_takes_nothing_is_a_fault(outcome: SendOutcome, kind: str, bench: Bench) -> None:
-    bench.start()
-    bench.driver._boards.ports[""] = RefusingPort(bench.port, outcome)
-    bench.step(SETTINGS.command_timeout + CYCLE, (0.1, 0.1))
-    assert kind in bench.kinds()
-    # the host could not say so: the board's own watchdog has vented
-    bench.step(0.1)
-    assert bench.board.state is BoardState.FAULT
 
 
 def test_velocity_follows_the_angle(bench: Bench) -> None:
@@ -596,21 +374,3 @@ def test_a_controller_in_the_cycle_sends_in_the_cycle_that_has_measured(bench: B
         assert seen[-1].pressure_time == pytest.approx(bench.now, abs=PERIOD)
         assert seen[-1].joint_time == pytest.approx(bench.now, abs=PERIOD)
         assert snapshot.sent == pytest.approx((pressure / 1e6, 0.0))
-
-
-def test_a_fault_of_the_cycle_is_stopped_whatever_its_controller_commands(bench: Bench) -> None:
-    bench.start()
-
-    def control(_: Snapshot) -> None:
-        offer(bench.driver, NamedCommand(NAMES, (1.0, 1.0)), bench.now)
-
-    bench.board.pressures = [1_000_000.0, 100_000.0]
-    sent = []
-    for _ in range(25):
-        bench.now += PERIOD
-        bench.board.step(bench.now)
-        sent.append(bench.driver.cycle(bench.now, 0.0, control=control))
-    stopped = [snapshot for snapshot in sent if snapshot.state is not SafetyState.ACTIVE]
-    assert stopped
-    assert sent[-len(stopped) :] == stopped
-    assert all(snapshot.sent == (-1.0, -1.0) for snapshot in stopped)

@@ -28,7 +28,7 @@ from .test_short_noes import Bench, People, Rig
 # what raises, and the state in which the driver stops the joints
 PLACES = {
     "DriverNode._publish_diagnostics": "fault_lowering",
-    "DriverNode._on_clear_faults": "fault_lowering",
+    "DriverServices.on_clear_faults": "fault_lowering",
     "DriverTopics.publish": "fault_lowering",
     "DriverInputs._on_valve_commands": "fault_lowering",
     "Driver.cycle": "fault",
@@ -39,7 +39,7 @@ PROGRAM = """
 import pathlib, sys
 from pam_driver import driver_node, driver, fault_judge
 from pam_driver.driver_inputs import DriverInputs
-from pam_driver.driver_node import DriverNode, DriverTopics
+from pam_driver.driver_node import DriverNode, DriverServices, DriverTopics
 from pam_driver.driver import Driver
 from pam_driver.fault_judge import FaultJudge
 def breaks(owner, name):
@@ -93,7 +93,7 @@ def test_the_arm_is_stopped_the_fault_latched_and_the_exit_code_tells_it(
         peer.until(lambda: measured and measured[-1].effort[0] > 1e5, "full muscles")
         peer.until(lambda: told and told[-1].message.startswith("active"), "the state")
         flag.touch()
-        if name == "_on_clear_faults":
+        if name == "on_clear_faults":
             client = peer.node.create_client(*clear_faults())
             peer.until(client.service_is_ready, "service")
             client.call_async(clear_faults()[0].Request())

@@ -18,7 +18,7 @@ from pam_driver.safety.valve_command_intake import NamedCommand
 from support.reruns import HOST_STALLS
 
 from .node_bench import NAMES
-from .test_driver_node_inside import Inside
+from .node_inside import Inside
 
 pytestmark = pytest.mark.system
 

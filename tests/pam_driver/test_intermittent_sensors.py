@@ -23,7 +23,7 @@ EMPTY = (math.nan, math.nan)
 
 def stranger(bench: Bench, pressures: tuple[float, float], position: float) -> None:
     """A frame under the identifier of the board, with the counter that is its turn or any other."""
-    message = Measurement(pressures, position, (bench.board._counter + 1) & 0xFF)
+    message = Measurement(pressures, position, (bench.board.counter + 1) & 0xFF)
     bench.board.port.send(*bench.codec.encode(0, message), bench.now)
 
 

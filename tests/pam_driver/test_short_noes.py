@@ -217,8 +217,8 @@ def test_an_input_of_a_board_that_forbids_in_one_frame_acts_each_time(
 
 def frame(bench: Bench, pressure: float, angle: float) -> None:
     """A measurement between two of the board."""
-    bench.board._counter = (bench.board._counter + 1) & 0xFF
-    message = Measurement((pressure, 0.0), angle, bench.board._counter)
+    bench.board.counter = (bench.board.counter + 1) & 0xFF
+    message = Measurement((pressure, 0.0), angle, bench.board.counter)
     bench.board.port.send(*bench.codec.encode(0, message), bench.now)
 
 

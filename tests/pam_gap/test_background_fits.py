@@ -9,9 +9,9 @@ import pytest
 from pam_gap.diagnosis_engine import JointDiagnosis
 from pam_gap.inference.candidates import ordinary_sizes
 from pam_gap.inference.hypothesis import FitTask, Hypothesis
-from pam_gap.inference.search import CandidateSearch
 from pam_gap.prediction.fit import mean_squares
 from pam_gap.rules import DEFAULT
+from pam_gap.search.candidate_search import CandidateSearch
 from pam_model.plant.compiled import HAVE_NUMBA
 from pam_model.plant.uneven_pulley import UnevenPulley
 from pam_model.rig import Rig
@@ -23,8 +23,8 @@ needs_numba = pytest.mark.skipif(not HAVE_NUMBA, reason="a fit needs the compile
 
 def with_few(engine: JointDiagnosis) -> JointDiagnosis:
     """The diagnosis with few effects, which is quicker."""
-    few = [c for c in engine.candidates() if c.effect in ("dead_volume", "position_offset")]
-    engine.candidates = lambda: few  # type: ignore[method-assign]
+    few = [c for c in engine.candidates if c.effect in ("dead_volume", "position_offset")]
+    engine.candidates = few
     return engine
 
 
@@ -60,11 +60,11 @@ def test_a_background_is_no_pair_of_causes(rig: Rig, record: Maker) -> None:
     amounts = {path: 0.5 * size for _, paths, size in sizes for path in paths}
     volumes = {f"{side}.dead_volume": 6e-5 for side in ("agonist", "antagonist")}
     engine = with_few(JointDiagnosis(rig, 0, [record(amounts | volumes)]))
-    result = CandidateSearch(engine.fitter, engine.candidates()).singles()
-    assert engine.without_background(result) is None
+    result = CandidateSearch(engine.fitter, engine.candidates).singles()
+    assert engine.effect_search().clean_explanation(result) is None
     without = with_few(JointDiagnosis(rig, 0, [record(volumes)]))
-    singles = CandidateSearch(without.fitter, without.candidates()).singles()
-    assert without.without_background(singles) is not None
+    singles = CandidateSearch(without.fitter, without.candidates).singles()
+    assert without.effect_search().clean_explanation(singles) is not None
 
 
 @needs_numba
@@ -74,9 +74,9 @@ def test_a_search_without_a_background_goes_on_from_the_sizes_found_with_one(
     """It took longer than everything else: all single effects were fitted to the end."""
     volumes = {f"{side}.dead_volume": 6e-5 for side in ("agonist", "antagonist")}
     engine = with_few(JointDiagnosis(rig, 0, [record(volumes)]))
-    search = CandidateSearch(engine.fitter, engine.candidates())
+    search = CandidateSearch(engine.fitter, engine.candidates)
     first = search.singles()
-    engine.fitter.without_background()
+    engine.fitter.drop_background()
     fit_all, asked = engine.fitter.fit_all, []
 
     def noted(tasks: Sequence[FitTask]) -> list[Hypothesis]:
@@ -111,13 +111,13 @@ def test_an_eccentric_encoder_is_no_offset_of_it(rig: Rig, record: Maker) -> Non
 @needs_numba
 def test_an_eccentric_pulley_is_no_wrong_radius(rig: Rig, record: Maker) -> None:
     engine = JointDiagnosis(rig, 0, [record(arm=UnevenPulley(1.1, 0.35, -0.1, 0.02))])
-    few = [c for c in engine.candidates() if c.effect in ("pulley_radius", "position_offset")]
-    engine.candidates = lambda: few  # type: ignore[method-assign]
+    few = [c for c in engine.candidates if c.effect in ("pulley_radius", "position_offset")]
+    engine.candidates = few
     answer = engine.run()
     assert answer.verdict == "unknown"
     assert "eccentric pulley" in answer.looks_like
     round_one = JointDiagnosis(rig, 0, [record({"pulley_radius.scale": 1.1})])
-    round_one.candidates = lambda: few  # type: ignore[method-assign]
+    round_one.candidates = few
     assert round_one.run().effects == ("pulley_radius",)
 
 
@@ -131,7 +131,7 @@ def test_a_fit_removes_the_background_without_calling_it_a_cause(rig: Rig, recor
     left = nominal.mean_square[2]
     simulated = mean_squares(nominal.simulated, engine.problem.counted)[2]
     assert simulated > 100.0 * engine.floor[2]
-    assert engine.far_beyond() == frozenset()
+    assert engine.effect_search().far_beyond() == frozenset()
     assert left < 0.1 * simulated
     assert left < engine.floor[2] + engine.fitter.discrepancy[2]
     background = engine.fitter.background

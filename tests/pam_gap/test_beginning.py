@@ -10,13 +10,15 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from pam_gap.diagnosis_engine import JointDiagnosis
-from pam_gap.inference.clean_rig import explained
+from pam_gap.diagnosis_engine import DiagnosisOptions, JointDiagnosis
 from pam_gap.inference.hypothesis import FitTask, Hypothesis, HypothesisFitter
 from pam_gap.prediction.fit import Array
 from pam_gap.prediction.problem import PredictionProblem
 from pam_gap.recordings.parts import part_of
 from pam_gap.rules import DEFAULT
+from pam_gap.search.beginning_first import search_of_the_beginning
+from pam_gap.search.clean_rig import explained
+from pam_gap.search.effect_search import EffectSearch
 from pam_model.plant.compiled import HAVE_NUMBA
 from pam_model.rig import Rig
 
@@ -51,12 +53,13 @@ def test_most_of_a_long_recording_is_not_simulated_for_candidates(
 
     monkeypatch.setattr(PredictionProblem, "errors", counted)
     long = record(VOLUMES, duration=LONG)
-    assert JointDiagnosis(rig, 0, [long]).on_the_beginning() is None  # 250 Hz: too few rows
+    whole = JointDiagnosis(rig, 0, [long]).effect_search()
+    assert search_of_the_beginning(whole) is None  # 250 Hz: too few rows
     rules = replace(DEFAULT, search=replace(DEFAULT.search, search_rows=500))
-    engine = JointDiagnosis(rig, 0, [long], rules=rules)
-    few = [c for c in engine.candidates() if c.effect in ("dead_volume", "leakage", "payload")]
-    engine.candidates = lambda: few  # type: ignore[method-assign]
-    small = engine.on_the_beginning()
+    engine = JointDiagnosis(rig, 0, [long], DiagnosisOptions(rules=rules))
+    few = [c for c in engine.candidates if c.effect in ("dead_volume", "leakage", "payload")]
+    engine.candidates = few
+    small = search_of_the_beginning(engine.effect_search())
     assert small is not None
     asked.clear()
     found = engine.search()
@@ -83,10 +86,10 @@ def test_a_beginning_without_the_motion_of_the_rest_is_not_enough(rig: Rig, reco
         valid={name: np.ones(count, dtype=np.bool_) for name in values},
     )
     rules = replace(DEFAULT, search=replace(DEFAULT.search, search_rows=1))
-    engine = JointDiagnosis(rig, 0, [recording], rules=rules)
-    assert engine.on_the_beginning() is None
-    short = JointDiagnosis(rig, 0, [part_of(recording, 4000, count)], rules=rules)
-    assert short.on_the_beginning() is None  # it is short
+    engine = JointDiagnosis(rig, 0, [recording], DiagnosisOptions(rules=rules))
+    assert search_of_the_beginning(engine.effect_search()) is None
+    short = JointDiagnosis(rig, 0, [part_of(recording, 4000, count)], DiagnosisOptions(rules=rules))
+    assert search_of_the_beginning(short.effect_search()) is None  # it is short
 
 
 @needs_numba
@@ -95,11 +98,10 @@ def test_a_beginning_without_a_background_must_be_confirmed_by_all_data(
     rig: Rig, record: Maker, *, everywhere: bool
 ) -> None:
     engine = JointDiagnosis(rig, 0, [record(VOLUMES, duration=7.0)])
-    few = [c for c in engine.candidates() if c.effect == "dead_volume"]
-    engine.candidates = lambda: few  # type: ignore[method-assign]
-    engine.whole = cast(JointDiagnosis, SimpleNamespace(is_explained_by=lambda _: everywhere))
-    engine.begun_search()
-    assert (engine.fitter.background is None) is everywhere
+    few = [c for c in engine.candidates if c.effect == "dead_volume"]
+    fitter, confirms = engine.fitter, lambda _: everywhere
+    EffectSearch(fitter, engine.folds, engine.judge, few, confirms=confirms).begin()
+    assert (fitter.background is None) is everywhere
 
 
 @pytest.mark.parametrize(

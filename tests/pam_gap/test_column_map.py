@@ -146,6 +146,16 @@ def test_a_broken_file_of_arrays_is_one_line(tmp_path: Path, suffix: str) -> Non
         assert "\n" not in str(error.value)
 
 
+@pytest.mark.parametrize(("line", "column"), [('{"t": 0.1, "p": }', 17), ("{} {}", 4), ("?", 1)])
+def test_a_damaged_line_of_a_log_is_named_by_its_number(
+    tmp_path: Path, line: str, column: int
+) -> None:
+    file = tmp_path / "log.jsonl"
+    file.write_text(f'{{"t": 0.0, "p": 1}}\n\n{line}\n{{"t": 0.2, "p": 3}}\n')
+    with pytest.raises(RecordingError, match=rf"\(line 3, column {column}: .+\)$"):
+        import_recording(file)
+
+
 def test_structures_and_rows_of_objects_have_names_with_dots(tmp_path: Path) -> None:
     savemat(tmp_path / "log.mat", {"arm": {"t": TIME, "p": np.stack([GAUGE, GAUGE])}, "fs": 500.0})
     rows = [{"t": t, "joint": {"q": [a, 0.0]}} for t, a in zip(TIME, ANGLE, strict=True)]

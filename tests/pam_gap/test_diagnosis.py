@@ -14,7 +14,7 @@ import pytest
 
 import pam_gap
 from pam_gap.__main__ import main
-from pam_gap.diagnosis_engine import JointDiagnosis
+from pam_gap.diagnosis_engine import DiagnosisOptions, JointDiagnosis
 from pam_gap.inference.candidates import candidates_for
 from pam_gap.inference.decide import decide, decided_answer
 from pam_gap.inference.decision import Decision
@@ -180,7 +180,7 @@ def test_a_light_and_a_heavy_load_are_found_from_the_starts(
     hidden = record({"payload.mass": mass, "payload.distance": 0.25}, duration=9.0)
     engine = JointDiagnosis(rig, 0, [hidden])
     nominal = engine.fitter.fit_nominal()
-    payload = next(c for c in engine.candidates() if c.effect == "payload")
+    payload = next(c for c in engine.candidates if c.effect == "payload")
     fits = engine.fitter.fit_all(
         [
             FitTask((payload,), np.concatenate([nominal.result.values, start]), 10)
@@ -242,7 +242,7 @@ def test_without_an_experiment_none_is_sought(
     monkeypatch.setattr("pam_gap.diagnosis_engine.propose", lambda *given: sought.append(given))
     recording, unknown = record(duration=9.0), Decision("unknown", None, (), ())
     for wanted in (True, False):
-        engine = JointDiagnosis(rig, 0, [recording], with_experiment=wanted)
+        engine = JointDiagnosis(rig, 0, [recording], DiagnosisOptions(with_experiment=wanted))
         assert engine.proposal(unknown, ()) is None
         assert len(sought) == 1
 

@@ -31,7 +31,7 @@ def ordinary(rig: Rig) -> dict[str, float]:
 def chosen_fit(engine: JointDiagnosis, effect: str) -> HeldOut:
     """The fit of one cause beside an ordinary background, with its score."""
     engine.fitter.fit_nominal()
-    member = next(c for c in engine.candidates() if c.effect == effect)
+    member = next(c for c in engine.candidates if c.effect == effect)
     task = FitTask((member,), np.array(member.starts[0]), 8)
     return score_held_out(engine.fitter, engine.folds, engine.fitter.fit_all([task])[0])
 
@@ -43,7 +43,7 @@ def test_ordinary_effects_that_a_verdict_takes_for_background_stand_in_the_impro
     engine = JointDiagnosis(rig, 0, [record(ordinary(rig) | DELAY, duration=14.0)])
     chosen = chosen_fit(engine, "command_delay")
     written = engine.written()
-    shown = improved_fit(engine.fitter, engine.folds, chosen, engine.candidates(), written)
+    shown = improved_fit(engine.fitter, engine.folds, chosen, engine.candidates, written)
     assert shown is not None
     assert shown.effects[0] == "command_delay"
     assert {"hysteresis", "creep"} < set(shown.ordinary)
@@ -101,8 +101,8 @@ def test_no_improved_rig_is_written_that_is_worse_than_the_rig_file(
     worse = replace(written, sums=2.0 * written.sums)
     better = replace(written, sums=0.5 * written.sums)
     fitter, folds = engine.fitter, engine.folds
-    assert improved_fit(fitter, folds, worse, engine.candidates(), written) is None
-    assert improved_fit(fitter, folds, better, engine.candidates(), written) is better
+    assert improved_fit(fitter, folds, worse, engine.candidates, written) is None
+    assert improved_fit(fitter, folds, better, engine.candidates, written) is better
     assert "no improved rig file" in NOT_IMPROVED
 
 
@@ -113,7 +113,7 @@ def test_the_interval_of_a_parameter_spans_both_fits_and_the_accuracy_of_the_law
     engine = JointDiagnosis(rig, 0, [record(ordinary(rig) | DELAY, duration=9.0)])
     score = chosen_fit(engine, "command_delay")
     written = engine.written()
-    improved = improved_fit(engine.fitter, engine.folds, score, engine.candidates(), written)
+    improved = improved_fit(engine.fitter, engine.folds, score, engine.candidates, written)
     assert improved is not None
     shown, chosen = improved.hypothesis, score.hypothesis
     judged = SimpleNamespace(judge=engine.judge)

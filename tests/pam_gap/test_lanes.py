@@ -19,7 +19,7 @@ from pam_model.plant.lane_blocks import blocks_of_lanes
 from pam_model.plant.lane_choice import GROUPS, LAWS, LaneKernel, lane_kernels
 from pam_model.plant.lane_twins import SINGLE
 from pam_model.plant.parameters import INDEX, PlantParameters, parameter_names
-from pam_model.plant.sensors import N_SENSORS, sensor_constants
+from pam_model.plant.sensors import sensor_constants, sensors_of
 from pam_model.plant.simulate import initial_state, simulate
 
 SAMPLE_TIME = 2e-3
@@ -89,7 +89,7 @@ def both(rig, alone, chosen):
     )
     sensors = np.array([sensor_constants(v) for v in values])
     ideal = np.tile(sensor_constants(parameters.values), (len(values), 1))
-    assert sensors.shape == ideal.shape == (len(values), N_SENSORS)
+    assert sensors.shape == ideal.shape == (len(values), sensors_of(2))
     state = np.tile(state, (len(values), 1))
     constants = np.array([derive_constants(v) for v in values])
     four = np.repeat(np.arange(len(values)), 4)  # so that lanes of every number of steps are many
@@ -145,30 +145,30 @@ def test_lanes_that_need_shorter_steps_have_blocks_of_their_own(rig):
     parameters = PlantParameters.from_rig(rig)
     constants = np.tile(derive_constants(parameters.values), (30, 1))
     constants[3:9, lay.C_RATE] = 5.0 / SAMPLE_TIME
-    constants[20, lay.AGONIST + lay.M_CABLE] = 1e-5  # costly
+    constants[20, lay.constants_of(0) + lay.M_CABLE] = 1e-5  # costly
     constants[25, lay.JOINT_EFFECTS["coulomb_friction"].is_on] = 1.0
     bare, joint, cable = lane_kernels(constants)
     assert np.flatnonzero(~bare.serves).tolist() == [20, 25]
     assert np.flatnonzero(~joint.serves).tolist() == [20]
     assert np.flatnonzero(~cable.serves).tolist() == [25]
     blocks = blocks_of_lanes(constants, [bare, joint, cable], SAMPLE_TIME, STEP)
-    assert {tuple(b.members): (b.steps, b.off) for b in blocks} == {
-        (0, 1, 2, *range(9, 20), 21, 22): (2, bare.off),
-        (23, 24, *range(26, 30)): (2, bare.off),
-        tuple(range(3, 9)): (6, bare.off),
+    assert {tuple(b.members): (b.steps, b.variant) for b in blocks} == {
+        (0, 1, 2, *range(9, 20), 21, 22): (2, bare.variant),
+        (23, 24, *range(26, 30)): (2, bare.variant),
+        tuple(range(3, 9)): (6, bare.variant),
         (20,): (2, SINGLE),
         (25,): (2, SINGLE),
     }
-    assert all(b.off is SINGLE for b in blocks_of_lanes(constants, [], SAMPLE_TIME, STEP))
+    assert all(b.variant is SINGLE for b in blocks_of_lanes(constants, [], SAMPLE_TIME, STEP))
 
 
 def test_each_lane_has_a_kernel_with_the_groups_of_laws_that_it_needs(rig):
     parameters = PlantParameters.from_rig(rig)
     constants = np.tile(derive_constants(parameters.values), (6, 1))
     constants[1, lay.JOINT_EFFECTS["coulomb_friction"].is_on] = 1.0
-    constants[2, lay.AGONIST + lay.MUSCLE_EFFECTS["creep"].is_on] = 1.0
-    constants[3, lay.ANTAGONIST + lay.M_TUBE] = 1.0
-    constants[4, lay.AGONIST + lay.M_CABLE] = 1e-5
+    constants[2, lay.constants_of(0) + lay.MUSCLE_EFFECTS["creep"].is_on] = 1.0
+    constants[3, lay.constants_of(1) + lay.M_TUBE] = 1.0
+    constants[4, lay.constants_of(0) + lay.M_CABLE] = 1e-5
     constants[5] = constants[1:5].max(axis=0)
     kernels = lane_kernels(constants)
     served = [np.flatnonzero(kernel.serves).tolist() for kernel in kernels]

@@ -80,7 +80,7 @@ def test_measured_muscles_at_constant_length_have_no_friction_of_the_joint(pair:
 def test_the_hysteresis_of_the_measured_pair_is_a_cause_and_no_background(pair: Rig) -> None:
     """It is as small as on a good rig, but explains many times what a background would leave."""
     engine = JointDiagnosis(pair, 0, [measured()])
-    assert engine.far_beyond() == {"hysteresis"}
-    engine.fitter.without_background()
+    assert engine.effect_search().far_beyond() == {"hysteresis"}
+    engine.fitter.drop_background()
     assert engine.fitter.fit_nominal() is engine.fitter.bare
     assert not engine.fitter.fit_nominal().result.amounts.size

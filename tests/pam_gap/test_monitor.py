@@ -124,6 +124,31 @@ def test_a_wild_value_is_missing_and_no_error(wild: float) -> None:
 
 
 @pytest.mark.system
+def test_a_signal_ends_the_node_while_its_first_report_compiles_the_simulation(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    pytest.importorskip("rclpy")
+    from pam_gap.live.monitor_node import main
+
+    begun: list[float] = []
+
+    def compiled(window: LiveWindow, joint: int) -> None:
+        begun.append(time.monotonic())
+        os.kill(os.getpid(), signal.SIGINT)
+        while time.monotonic() < begun[0] + 30.0:
+            time.sleep(0.01)
+
+    monkeypatch.setattr(LiveWindow, "gap", compiled)
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        assert main(["--ros-args", "--params-file", str(ELBOW), "-p", "period:=0.5"]) == 0
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    assert time.monotonic() < begun[0] + 15.0
+
+
+@pytest.mark.system
 def test_node_reports_on_diagnostics(
     probe: Any, ros_environment: dict[str, str], patience: float
 ) -> None:

@@ -19,14 +19,13 @@ from pam_gap.prediction.identifiable import (
 from pam_gap.prediction.problem import PredictionProblem
 from pam_gap.recordings.parts import parts
 from pam_gap.recordings.recording import (
-    LONGEST_PAUSE,
     RawChannel,
     RawRecording,
     Recording,
     RecordingError,
     from_columns,
-    resample,
 )
+from pam_gap.recordings.resample import LONGEST_PAUSE, resample
 from pam_model.rig import Rig
 
 from .conftest import Maker

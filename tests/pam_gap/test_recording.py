@@ -10,7 +10,8 @@ from rosbags.typesys import Stores, get_typestore
 
 from pam_gap.recordings.import_recording import import_recording
 from pam_gap.recordings.noise_floor import channel_noise, noise_floor, quantisation
-from pam_gap.recordings.recording import RawChannel, RawRecording, RecordingError, resample
+from pam_gap.recordings.recording import RawChannel, RawRecording, RecordingError
+from pam_gap.recordings.resample import resample
 
 PRESSURE = "pressure_states.flexor"
 POSITION = "joint_states.elbow.position"

@@ -42,7 +42,6 @@ NO_RULES = {
     "PROFILE_90": "90 % interval",
     "HARMONICS": "regressors of a figure that enters no verdict",
     "N_CHANNELS": "layout",
-    "N_SENSORS": "layout",
     "N_GAINS": "layout",
     "SPEED": "layout",
     "FOLLOW_MOTION": "code of a mode",

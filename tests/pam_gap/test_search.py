@@ -8,9 +8,9 @@ import pytest
 from pam_gap.answer.sentences import rivals_at_the_end, sizes_at_the_end
 from pam_gap.inference.candidates import Candidate, candidates_for
 from pam_gap.inference.hypothesis import Hypothesis, HypothesisFitter
-from pam_gap.inference.search import CandidateSearch
 from pam_gap.prediction.fit import PlantFit
 from pam_gap.prediction.problem import PredictionProblem
+from pam_gap.search.candidate_search import CandidateSearch
 from pam_model.rig import Rig
 
 DRY = {"coulomb_friction.torque": 0.6, "pulley_radius.scale": 1.15}
@@ -39,7 +39,7 @@ def test_a_richer_law_beside_another_cause_is_compared_with_its_simpler_law(
     problem = PredictionProblem(rig, 0, [record(DRY)])
     fitter = HypothesisFitter(problem, np.ones(5))
     fitter.fit_nominal()
-    fitter.without_background()
+    fitter.drop_background()
     rich, radius = (candidate(rig, name) for name in ("stribeck_friction", "pulley_radius"))
     search = CandidateSearch(fitter, candidates_for(rig, rig.joints[0]))
     start = np.concatenate([rich.starts[0], [1.15]])
@@ -58,7 +58,7 @@ def test_a_simple_law_beside_another_cause_is_compared_with_its_richer_law(
     problem = PredictionProblem(rig, 0, [record(FALLING)])
     fitter = HypothesisFitter(problem, np.ones(5))
     fitter.fit_nominal()
-    fitter.without_background()
+    fitter.drop_background()
     dry, radius = (candidate(rig, name) for name in ("coulomb_friction", "pulley_radius"))
     search = CandidateSearch(fitter, candidates_for(rig, rig.joints[0]))
     start = np.concatenate([dry.starts[0], [1.15]])

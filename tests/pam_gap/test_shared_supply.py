@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pam_gap.diagnosis_engine import JointDiagnosis
+from pam_gap.diagnosis_engine import DiagnosisOptions, JointDiagnosis
 from pam_gap.prediction.channel_order import BOTH_PRESSURES
 from pam_gap.prediction.channels import drawn_by_others
 from pam_gap.prediction.problem import PredictionProblem
@@ -156,10 +156,10 @@ def test_joints_that_draw_together_sag_together(rig: Rig, recording: Recording) 
 
 @pytest.mark.skipif(not HAVE_NUMBA, reason="a fit needs the compiled plant")
 def test_a_supply_that_the_other_joint_lets_sag_is_named(rig: Rig, recording: Recording) -> None:
-    engine = JointDiagnosis(rig, 0, [recording], with_experiment=False)
+    engine = JointDiagnosis(rig, 0, [recording], DiagnosisOptions(with_experiment=False))
     rivals = ("supply_droop", "exhaust_restriction", "valve_lag", "leakage", "valve_gain")
-    few = [one for one in engine.candidates() if one.effect in rivals]
-    engine.candidates = lambda: few  # type: ignore[method-assign]
+    few = [one for one in engine.candidates if one.effect in rivals]
+    engine.candidates = few
     found = engine.run()
     assert found.effects == ("supply_droop",)
     values = {name: one.interval.value for name, one in found.parameters["supply_droop"].items()}

@@ -89,7 +89,7 @@ def test_a_pressure_of_one_value_is_not_compared(rig: Rig, record: Maker) -> Non
 def test_a_locked_joint_has_no_joint_effects_as_candidates(rig: Rig, record: Maker) -> None:
     locked, free = held(record), record(cells=True)
     stages = [
-        {EFFECTS[c.effect].stage for c in JointDiagnosis(rig, 0, given).candidates()}
+        {EFFECTS[c.effect].stage for c in JointDiagnosis(rig, 0, given).candidates}
         for given in ([without_still(locked, rig, 0)], [replace(locked, mounting=LOCKED), free])
     ]
     assert stages[0] == {"valve", "muscle", "sensing"}

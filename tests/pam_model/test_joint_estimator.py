@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from pam_model.joints.antagonistic_joint import AntagonisticJoint
 from pam_model.joints.joint_estimator import JointEstimator
+from pam_model.joints.joint_statics import JointStatics
 from pam_model.rig import load_rig
 from pam_model.robot import compose
 
@@ -29,13 +29,13 @@ def test_agrees_with_the_joints() -> None:
     assert estimate.stamp == 10.0
     assert estimate.problems == []
     for index, (name, position) in enumerate((("shoulder", 0.1), ("elbow", 0.2))):
-        joint = AntagonisticJoint.from_rig(RIG, name)
+        joint = JointStatics.from_rig(RIG, name)
         pair = PRESSURES[2 * index], PRESSURES[2 * index + 1]
         both = slice(2 * index, 2 * index + 2)
-        assert estimate.joint_torques[index] == joint.torque(*pair, position)
-        assert estimate.joint_stiffnesses[index] == joint.stiffness(*pair, position)
+        assert estimate.joint_torques[index] == joint.torque(pair, position)
+        assert estimate.joint_stiffnesses[index] == joint.stiffness(pair, position)
         assert tuple(estimate.muscle_lengths[both]) == joint.lengths(position)
-        assert tuple(estimate.muscle_forces[both]) == joint.tensions(*pair, position)
+        assert tuple(estimate.muscle_forces[both]) == joint.tensions(pair, position)
     assert estimate.muscle_speeds == pytest.approx([0.02, -0.02, -0.015, 0.015])
 
 

@@ -26,7 +26,7 @@ from pam_model.joints.muscle_inverse import (
     write_line,
 )
 from pam_model.plant.compiled import for_kernel
-from pam_model.plant.layout import AGONIST, N_MUSCLE_CONSTANTS
+from pam_model.plant.layout import C_MUSCLES, N_MUSCLE_CONSTANTS
 from pam_model.rig import load_rig
 from pam_model.robot import compose
 from pam_model.views.joint_numbers import joint_numbers
@@ -198,8 +198,8 @@ def test_rows_of_a_controller_give_the_same(name: str, torque: float, stiffness:
     joint, position = AFFINE[name], 0.2
     robot = compose(RIG)
     one = joint_numbers(robot)[0]
-    block = one[AGONIST : AGONIST + N_MUSCLE_CONSTANTS]
-    c = for_kernel(np.concatenate([one[:AGONIST], *[block] * len(joint.muscles)]))
+    block = one[C_MUSCLES : C_MUSCLES + N_MUSCLE_CONSTANTS]
+    c = for_kernel(np.concatenate([one[:C_MUSCLES], *[block] * len(joint.muscles)]))
     rows = np.zeros((len(joint.muscles), 3 + N_LINE))
     found = joint.pressures_for(torque, stiffness, position)
     rows[:, 0], rows[:, 1] = LOW, HIGH

@@ -21,9 +21,9 @@ COMPILED = """
 import numba
 from pam_model.plant.lane_choice import LAWS, OF_RIG
 from pam_model.plant.lane_kernel import rates
-from pam_model.plant.lane_twins import lane_loop
+from pam_model.plant.lane_twins import LaneVariant, lane_loop
 
-loop = lane_loop(rates, frozenset((*OF_RIG, *LAWS)))
+loop = lane_loop(rates, LaneVariant(frozenset((*OF_RIG, *LAWS)), 2))
 row, tables = numba.float64[::1], numba.types.UniTuple(numba.float64[:, ::1], 2)
 loop.compile((numba.int64, row, tables, *[row] * 6, numba.boolean, numba.float64))
 print(*loop.inspect_llvm().values())

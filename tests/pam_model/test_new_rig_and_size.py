@@ -14,7 +14,7 @@ from pam_model.__main__ import main
 from pam_model.command_line import DONE, MISTAKE
 from pam_model.commands.new_rig import QUESTIONS, ask
 from pam_model.gas.flow import mass_flow
-from pam_model.joints.antagonistic_joint import AntagonisticJoint
+from pam_model.joints.joint_statics import JointStatics
 from pam_model.muscle_sizes import SIZES
 from pam_model.plant.parameters import PlantParameters
 from pam_model.plant.simulate import Plant
@@ -185,9 +185,9 @@ def sized(tmp_path, capsys, *more: str) -> dict:
 def test_a_sized_joint_gives_its_torque_at_every_angle_and_no_more_than_needed(tmp_path, capsys):
     found = sized(tmp_path, capsys)
     rig = load_rig(tmp_path / "sized.yaml")
-    joint = AntagonisticJoint.from_rig(rig, "joint")
+    joint = JointStatics.from_rig(rig, "joint")
     angles = np.linspace(-0.9, 0.9, 19)
-    most = [joint.torque(5e5, 0.0, float(angle)) for angle in angles]
+    most = [joint.torque((5e5, 0.0), float(angle)) for angle in angles]
     assert min(most) == pytest.approx(1.3 * 5.0, rel=0.02), "the task and its margin"
     assert found["curves"]["highest_torque"][0] == pytest.approx(most[0])
     assert driver_main(["check-rig", str(tmp_path / "sized.yaml"), "--check"]) == DONE

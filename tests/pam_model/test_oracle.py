@@ -16,8 +16,8 @@ from typing import Any
 import pytest
 
 from pam_model import gas
-from pam_model.joints.antagonistic_joint import AntagonisticJoint
 from pam_model.joints.joint_muscle import JointMuscle
+from pam_model.joints.joint_statics import JointStatics
 from pam_model.muscles import braid
 from pam_model.muscles.models.chou_hannaford import ChouHannaford
 from pam_model.muscles.models.gaylord import Gaylord
@@ -151,12 +151,11 @@ def _(given: Numbers) -> Numbers:
 @case("antagonistic_joint")
 def _(given: Numbers) -> Numbers:
     muscle = Gaylord(given["b"], given["n"])
-    joint = AntagonisticJoint(
-        JointMuscle(muscle, given["L1_0"], 0.0, 1e6),
-        JointMuscle(muscle, given["L2_0"], 0.0, 1e6),
-        given["r"],
+    joint = JointStatics(
+        [JointMuscle(muscle, given[length], 0.0, 1e6) for length in ("L1_0", "L2_0")],
+        [given["r"], -given["r"]],
     )
-    at = given["P1"], given["P2"], given["phi"]
+    at = (given["P1"], given["P2"]), given["phi"]
     return {"tau": joint.torque(*at), "K_phi": joint.stiffness(*at)}
 
 

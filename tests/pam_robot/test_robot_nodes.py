@@ -209,7 +209,7 @@ def test_stop_is_answered_and_a_guard_vents(robot: Robot) -> None:
     robot.until(lambda: robot.driver.state is not SafetyState.ACTIVE)
     robot.until(lambda: robot.driver.state in {SafetyState.VENTED, SafetyState.VENTING})
     assert not robot.driver.faults
-    assert robot.nodes.driver._vent_reason == "the controller asks for it"
+    assert robot.nodes.driver._reported.vent_reason == "the controller asks for it"
 
 
 def test_an_exception_of_the_controller_is_a_fault_that_the_boards_keep(robot: Robot) -> None:

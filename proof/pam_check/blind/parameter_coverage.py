@@ -17,7 +17,7 @@ from typing import Any
 from pam_check.blind.effect_cases import case_of
 from pam_check.blind.plants import FIRST
 from pam_check.blind.score import share
-from pam_model.plant.layout import MUSCLES as SIDES
+from pam_model.plant.joint_muscles import SIDES
 from pam_model.rig import load_rig
 
 

@@ -15,7 +15,8 @@ import numpy as np
 
 from pam_check.blind.truth_plant import Array, TruthRecording
 from pam_gap.prediction.problem import PredictionProblem
-from pam_gap.recordings.recording import RawChannel, RawRecording, resample
+from pam_gap.recordings.recording import RawChannel, RawRecording
+from pam_gap.recordings.resample import resample
 from pam_model.rig import Rig
 
 

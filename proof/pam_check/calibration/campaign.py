@@ -42,7 +42,8 @@ from pam_gap.calibration.free_numbers import Said
 from pam_gap.diagnose_recordings import usable_parts
 from pam_gap.inference.confidence import NORMAL_90
 from pam_gap.prediction.problem import PredictionProblem
-from pam_gap.recordings.recording import Recording, from_columns, resample
+from pam_gap.recordings.recording import Recording, from_columns
+from pam_gap.recordings.resample import resample
 from pam_model.command_line import Arguments, Outcome
 from pam_model.rig.partial import PartialRig, load_partial_rig
 

@@ -17,6 +17,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 
 from pam_check.faults.chain import FaultChain
+from pam_check.faults.chosen_kinds import kinds_called, kinds_for
 from pam_check.faults.report import as_markdown, write_report
 from pam_check.faults.trial import Trial, draw_values, run_trial
 from pam_check.faults.unavoidable_speed import HELD_ANGLE
@@ -28,7 +29,7 @@ from pam_model.errors import PamError
 from pam_model.rig import Rig, load_rig
 from pam_robot.direct_link import COMMAND_DELAY as ONE_PROCESS_DELAY
 from pam_sim.faults.fault_kind import FaultKind
-from pam_sim.faults.kinds import ALL_KINDS, KINDS, kinds_called, kinds_for
+from pam_sim.faults.kinds import ALL_KINDS, KINDS
 
 TRIALS = 1000  # by default, and at least one of each kind
 LONGEST_PHASE = 0.4  # s, between two trials; the motion's period is 1.7 s

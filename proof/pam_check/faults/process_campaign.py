@@ -21,6 +21,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Protocol
 
+from pam_check.faults.chosen_kinds import kinds_called
 from pam_demo.chain import Chain, multicast_bus, private_domain
 from pam_driver.can_bus.bus import CanPort, open_bus
 from pam_model.argument_types import make_parents
@@ -29,7 +30,7 @@ from pam_model.errors import PamError
 from pam_model.rig import Rig, load_rig
 from pam_sim.fault_injection import INJECTIONS
 from pam_sim.faults.fault_kind import LOWERING, STOPS, FaultKind, Reaction
-from pam_sim.faults.kinds import KINDS, kinds_called
+from pam_sim.faults.kinds import KINDS
 
 HOST = 0.06  # s, for the injection, the period of the board's status and a busy host
 PATIENCE = 120.0  # s, until nodes have started (again) on a busy host

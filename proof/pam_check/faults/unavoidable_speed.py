@@ -15,7 +15,7 @@ from typing import Final
 
 from pam_control.joint_models import JointModels
 from pam_control.settings import ControlSettings
-from pam_model.joints.antagonistic_joint import AntagonisticJoint
+from pam_model.joints.joint_statics import JointStatics
 from pam_model.plant.parameters import PlantParameters
 from pam_model.plant.simulate import Plant, initial_state
 from pam_model.rig import Rig
@@ -75,10 +75,10 @@ def _fastest(
         .scale.complete(ControlSettings())
         .default_stiffness
     )
-    pair = AntagonisticJoint.from_robot(ideal, joint)
+    pair = JointStatics.from_robot(ideal, joint)
     held = pair.pressures_for(-gravity_torque(joint, angle), stiffness, angle)
     parameters = PlantParameters.from_rig(ideal.rig).forced(changes)
-    pressures = (held.agonist, held.antagonist)
+    pressures = held.pressures
     plant = Plant(parameters, state=initial_state(parameters, position=angle, pressures=pressures))
     before, fastest = angle, 0.0
     for _ in range(_STEPS):

@@ -29,19 +29,12 @@ _held: dict[int, socket.socket] = {}
 
 @dataclass(frozen=True, slots=True)
 class BusChoice:
-    """A CAN bus by python-can's names.
+    """A CAN bus by python-can's names."""
 
-    Attributes
-    ----------
-    interface, channel : str
-        As python-can takes them.
-    port : int
-        UDP port of a multicast bus, 0 for others.
-    """
-
+    # interface, channel: as python-can takes them
     interface: str
     channel: str
-    port: int = 0
+    port: int = 0  # UDP port of a multicast bus, 0 for others
 
     @property
     def parameters(self) -> dict[str, Setting]:
@@ -161,26 +154,14 @@ def set_environment(environment: Mapping[str, str]) -> Iterator[None]:
 
 @dataclass(slots=True)
 class Chain:
-    """The processes of one simulated rig; they all end with the context.
+    """The processes of one simulated rig; they all end with the context."""
 
-    Attributes
-    ----------
-    params_files : sequence of Path
-        The rig file first.
-    bus : BusChoice
-        Bus between rig and driver; the first one if the rig file describes several.
-    environment : mapping
-        Environment of the processes.
-    processes : dict of str to NodeProcess
-        Processes that were started and not stopped.
-    outputs : dict of str to str
-        Output of the processes that were stopped.
-    """
-
-    params_files: Sequence[Path]
-    bus: BusChoice
-    environment: Mapping[str, str]
+    params_files: Sequence[Path]  # the rig file first
+    bus: BusChoice  # bus between rig and driver; the first one if the rig file describes several
+    environment: Mapping[str, str]  # environment of the processes
+    # processes that were started and not stopped
     processes: dict[str, NodeProcess] = field(default_factory=dict)
+    # output of the processes that were stopped
     outputs: dict[str, str] = field(default_factory=dict)
 
     def start(self, name: str, parameters: Mapping[str, Setting] | None = None) -> NodeProcess:

@@ -19,7 +19,7 @@ from pam_demo.motions import DemoMotion, Window
 from pam_demo.recording import Array, TopicSeries, read_loop_counts, read_recording
 from pam_gap.answer.user_units import told
 from pam_model.errors import PamError
-from pam_model.joints.antagonistic_joint import AntagonisticJoint
+from pam_model.joints.joint_statics import JointStatics
 from pam_model.rig import Rig
 from pam_model.robot import compose
 from pam_model.views.gravity import gravity_torque
@@ -74,25 +74,15 @@ class Figure:
 
 @dataclass(frozen=True, slots=True)
 class Play:
-    """One motion played by one control law; times count from its first waypoint.
+    """One motion played by one control law; times count from its first waypoint."""
 
-    Attributes
-    ----------
-    law : str
-        A key of NAMES.
-    motion : DemoMotion
-        The commanded motion.
-    times, asked, measured : array, shape (n,)
-        Time [s], reference and measured position [rad].
-    pressures, valves, stiffness : TopicSeries
-        Pressures [Pa], valve commands, stiffness [N m/rad].
-    """
-
-    law: str
-    motion: DemoMotion
+    law: str  # a key of NAMES
+    motion: DemoMotion  # the commanded motion
+    # times, asked, measured: shape (n,): time [s], reference and measured position [rad]
     times: Array
     asked: Array
     measured: Array
+    # pressures, valves, stiffness: pressures [Pa], valve commands, stiffness [N m/rad]
     pressures: TopicSeries
     valves: TopicSeries
     stiffness: TopicSeries
@@ -112,26 +102,13 @@ class Play:
 
 @dataclass(frozen=True, slots=True)
 class Results:
-    """All that the page and the JSON file show.
+    """All that the page and the JSON file show."""
 
-    Attributes
-    ----------
-    figures : list of Figure
-        In order of interest.
-    plays : list of Play
-        In the order played.
-    periods : dict of str to array
-        By topic, time between stamps [s].
-    rate : float
-        Of the loops [Hz].
-    notes : list of str
-        Remarks that a reader needs to interpret the figures.
-    """
-
-    figures: list[Figure]
-    plays: list[Play]
-    periods: dict[str, Array]
-    rate: float
+    figures: list[Figure]  # in order of interest
+    plays: list[Play]  # in the order played
+    periods: dict[str, Array]  # by topic, time between stamps [s]
+    rate: float  # of the loops [Hz]
+    # remarks that a reader needs to interpret the figures
     notes: list[str] = field(default_factory=list)
 
     def as_json(self) -> dict[str, Any]:
@@ -190,11 +167,11 @@ def _means(series: TopicSeries) -> Array:
 def _stiffness_figures(play: Play, rig: Rig, moved: str) -> tuple[list[Figure], list[str]]:
     """Worst deviation of the settled levels, and notes on levels that cannot be reached."""
     robot = compose(rig)
-    joint = AntagonisticJoint.from_robot(robot, robot.joint(moved))
+    joint = JointStatics.from_robot(robot, robot.joint(moved))
     position = float(np.mean(play.measured))
     torque = -gravity_torque(robot.joint(moved), position)
     worst, notes = 0.0, []
-    scale = JointScale.of(robot.joint(moved), joint.statics)
+    scale = JointScale.of(robot.joint(moved), joint)
     rate = scale.complete(ControlSettings()).stiffness_rate
     ends = [entry[0] for entry in play.motion.stiffness[1:]] + [play.motion.duration]
     before = play.motion.stiffness[0][1]

@@ -70,14 +70,14 @@ def _of_spline(spline: Callable[..., Array], times: Array) -> tuple[Array, Array
     return spline(times), spline(times, 1), spline(times, 2)
 
 
-def arm_motion(folder: Path | None = None) -> DemoMotion:
+def arm_motion() -> DemoMotion:
     """The measured motion of a real muscle-driven arm, see data/ORIGIN.md.
 
     A cubic spline through every sample, so that velocity and acceleration exist; nothing is
     smoothed, scaled or shifted. The recording ends in motion: behind it, the arm is brought to rest
     without a jump of its acceleration, which is not scored.
     """
-    path = (folder or Path(__file__).with_name("data")) / ARM_EPISODE
+    path = Path(__file__).with_name("data") / ARM_EPISODE
     with path.open(newline="") as stream:
         angles = [float(row[ARM_JOINT]) for row in csv.DictReader(stream)]
     recorded = np.arange(len(angles)) / ARM_RATE

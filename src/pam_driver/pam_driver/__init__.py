@@ -5,6 +5,8 @@ The public names, without ROS:
 - `Driver`, `DriverSettings`: boards, safety and commands of one rig, in periodic cycles.
 - `open_bus`, `CanPort`: a CAN bus that neither blocks nor raises once it is open.
 
+Everywhere in this package, `now` is a monotonic time [s].
+
 The names are imported when they are first used, so that importing the package takes no time.
 """
 

@@ -15,22 +15,13 @@ from pam_model.rig import Bus, Rig
 
 
 class OnlyBus(NamedTuple):
-    """The bus of a rig whose file describes none.
+    """The bus of a rig whose file describes none."""
 
-    Attributes
-    ----------
-    interface, channel : str
-        As python-can takes them.
-    bitrate : int or None
-        [bit/s]; None for the default.
-    options : mapping
-        Further options of the interface.
-    """
-
+    # interface, channel: as python-can takes them
     interface: str
     channel: str
-    bitrate: int | None = None
-    options: Mapping[str, Any] = {}
+    bitrate: int | None = None  # [bit/s]; None for the default
+    options: Mapping[str, Any] = {}  # further options of the interface
 
 
 def bus_of_options(

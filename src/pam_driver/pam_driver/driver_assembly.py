@@ -29,13 +29,6 @@ class DriverParts(NamedTuple):
 def assemble_driver(rig: Rig, values: NodeParameters[Rig]) -> DriverParts:
     """Open the buses of a rig and make its driver; every valve vents.
 
-    Parameters
-    ----------
-    rig : Rig
-        The robot.
-    values : NodeParameters
-        The parameters of the driver node.
-
     Raises
     ------
     PamError

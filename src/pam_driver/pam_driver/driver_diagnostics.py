@@ -53,15 +53,7 @@ class DriverDiagnostics:
         self._late = 0
 
     def statuses(self, loop: LoopStatistics, now: float) -> list[Any]:
-        """One status each for safety, every bus, commands, joint states, loop and every board.
-
-        Parameters
-        ----------
-        loop : LoopStatistics
-            Timing of the I/O thread.
-        now : float
-            Monotonic time [s].
-        """
+        """One status each for safety, every bus, commands, joint states, loop and every board."""
         boards = [self._board(board) for board in self._driver.boards.values()]
         errors = self._driver.errors_by_bus
         buses = [bus.status(*errors[name], now) for name, bus in self._buses.items()]

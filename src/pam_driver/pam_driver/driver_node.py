@@ -25,7 +25,6 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.experimental import EventsExecutor
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 from rclpy.node import Node
-from std_srvs.srv import Trigger
 
 from pam_driver.can_bus.bus import CanPort
 from pam_driver.driver import Driver
@@ -35,10 +34,12 @@ from pam_driver.driver_end import end_driver
 from pam_driver.driver_inputs import DriverInputs
 from pam_driver.driver_log import DriverLog
 from pam_driver.driver_parameters import HELP, TABLE, bus_options
+from pam_driver.driver_services import DriverServices
 from pam_driver.driver_state_topic import DriverStateTopic
 from pam_driver.driver_topics import DriverTopics
+from pam_driver.reported_state import ReportedState
 from pam_driver.safety.stalled_cycle import StalledCycleWatch
-from pam_driver.safety.states import FAULTY, SafetyState
+from pam_driver.safety.states import FAULTY, MOVING
 from pam_driver.safety.valve_command_intake import NamedCommand
 from pam_driver.snapshot import Snapshot
 from pam_driver.start_up import Advice, StartUp
@@ -59,21 +60,14 @@ from pam_ros.unforeseen import BROKEN, described, hand_over
 
 _SUCCESS = TransitionCallbackReturn.SUCCESS
 _FAILURE = TransitionCallbackReturn.FAILURE
-_MOVING = frozenset({SafetyState.CHECKING, SafetyState.READY, SafetyState.ACTIVE})
 _WATCH_PERIOD = 0.05
 NAME = "pam_driver"
 
 
 class Partner(Protocol):
-    """A controller in the same process, which takes part in the driver's cycle.
+    """A controller in the same process, which takes part in the driver's cycle."""
 
-    Attributes
-    ----------
-    source : str
-        Who computed its commands, as its messages on `valve_commands` say it.
-    """
-
-    source: str
+    source: str  # who computed its commands, as its messages on `valve_commands` say it
 
     def control(self, snapshot: Snapshot) -> object:
         """Compute commands for this cycle, and hand them to `DriverNode.take_commands`."""
@@ -132,10 +126,7 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         self._starting = False
         self._start_up = StartUp()
         self._log = DriverLog(self.get_logger(), self.get_fully_qualified_name())
-        self._activation = 0  # names the last one
-        self._vent_reason = ""
         self._stalled_cycle = StalledCycleWatch(_WATCH_PERIOD)
-        self._broken = ""  # the exception that ends this process
         refuse_impossible_transitions(self)
         notice_errors_of_transitions(self, self._notice)
 
@@ -150,14 +141,20 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
             lambda: None if partner is None else partner.source,
         )
         self.polled_topics = self._inputs.topics
-        self.create_service(Trigger, "~/vent", self._on_vent)
-        self.create_service(Trigger, "~/clear_faults", self._on_clear_faults)
-        self._state_topic = DriverStateTopic(
-            self.get_name(),
-            partial(Node.create_publisher, self),
-            None if partner is None else partner.hear_state,
+        self._reported = ReportedState(
+            DriverStateTopic(
+                self.get_name(),
+                partial(Node.create_publisher, self),
+                None if partner is None else partner.hear_state,
+            ),
+            self._start_up,
+            has_full_speed_input=bool(self._rig.people.full_speed_topic),
         )
-        self._publish_state()
+        self._calls = DriverServices(
+            self, lambda: self._driver, self._start_up, self._reported, self._log
+        )
+        self.vent = self._calls.vent
+        self._reported.publish(None)
         self.steady_timers = SteadyTimers()
         self.steady_timers.add(_WATCH_PERIOD, self._watch)
         self.steady_timers.add(1.0, self._publish_diagnostics)
@@ -196,8 +193,8 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         self._follower = PhaseFollower(self._loop) if self._values["align"] else None
         self._loop.start()
         self._log.measuring(made.driver, (port.name for port in made.ports.values()), doubts)
-        self._vent_reason = "configured, not activated yet"
-        self._publish_state()
+        self._reported.vent_reason = "configured, not activated yet"
+        self._reported.publish(self._driver)
         return _SUCCESS
 
     def on_activate(self, state: Any) -> TransitionCallbackReturn:
@@ -209,9 +206,8 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         except PamError as error:
             return self._fail(f"not activated: {error}")
         self._active = True
-        self._activation = time.monotonic_ns()
-        self._vent_reason = ""
-        self._publish_state()
+        self._reported.activated()
+        self._reported.publish(self._driver)
         self.get_logger().info("active: valves follow valve_commands")
         return super().on_activate(state)
 
@@ -221,15 +217,15 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         if self._driver is not None:
             self._driver.deactivate(time.monotonic())
         told = "" if self._driver is None else self._driver.vent_reason
-        self._vent_reason = self._vent_reason or told or "deactivated"
-        self._publish_state()
+        self._reported.vent_reason = self._reported.vent_reason or told or "deactivated"
+        self._reported.publish(self._driver)
         state_name = "unconfigured" if self._driver is None else self._driver.state.value
         self.get_logger().info(f"inactive: {state_name}")
         return super().on_deactivate(state)
 
     def on_cleanup(self, state: Any) -> TransitionCallbackReturn:
         """Vent and close the bus."""
-        self._cancel_start("a clean-up")
+        self._calls.cancel_start("a clean-up")
         self.close()
         return _SUCCESS
 
@@ -270,12 +266,12 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
 
     def fail(self, error: Exception) -> None:
         """Latch an unexpected exception as a fault, and say so; the process must end."""
-        if self._broken:
+        if self._reported.broken:
             return
-        self._broken = described(error)
+        self._reported.broken = described(error)
         driver = self._driver
         if driver is not None and driver.broken is None:
-            driver.fail(self._broken, time.monotonic())
+            driver.fail(self._reported.broken, time.monotonic())
         self._log.broken(error, lowers=driver is not None and driver.lowers)
         self._tell_last_state()
 
@@ -287,7 +283,7 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
     def _tell_last_state(self) -> None:
         """Publish the state; after an exception, what fails here must not stop the end."""
         try:
-            self._publish_state()
+            self._reported.publish(self._driver)
         except Exception as error:
             self.get_logger().debug(described(error))
 
@@ -310,25 +306,9 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
             end_driver(driver, loop, ports.values(), self.hurry, self.get_logger().error)
         finally:
             self._driver = None
-            self._vent_reason = ""
+            self._reported.vent_reason = ""
             if rclpy.ok():
                 self._tell_last_state()
-
-    def _publish_state(self) -> None:
-        """Publish the driver's state and its reason, if either has changed."""
-        driver = self._driver
-        state = SafetyState.UNCONFIGURED if driver is None else driver.state
-        reason = self._vent_reason
-        if driver is not None and state in FAULTY:
-            reason = "; ".join(str(fault) for fault in driver.faults)
-        elif driver is None and self._broken:
-            state, reason = SafetyState.FAULT, self._broken
-        elif self._start_up.latched:
-            reason = f"a fault is latched from before the clean-up: {self._start_up.latched}"
-        reduced = self._rig.people.full_speed_topic and (
-            driver is None or driver.people.reduced_speed(time.monotonic())
-        )
-        self._state_topic.publish(state, reason, reduced=reduced, activation=self._activation)
 
     def _cycle(self, driver: Driver, now: float) -> None:
         """One cycle, in the I/O thread; after an exception only what stops the joints."""
@@ -362,39 +342,6 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         """Use valve commands of the partner, computed at this moment [s], or refuse them."""
         self._inputs.take(command, arrived)
 
-    def _on_vent(self, request: Any, response: Any) -> Any:
-        if self._driver is None:
-            response.success, response.message = False, "not configured: the bus is not open"
-            return response
-        self.vent("a call of ~/vent")
-        self._publish_state()
-        done = "lowering; call again to vent at once" if self._driver.lowers else "valves vented"
-        if self._cancel_start("a call of ~/vent"):
-            done += ", and the activation at start-up is cancelled"
-        response.success, response.message = True, f"{done}; activate to move"
-        return response
-
-    def vent(self, reason: str) -> None:
-        """Lower the joints and vent, as `~/vent` does; the frames are sent before this returns."""
-        if self._driver is not None:
-            self._driver.vent(time.monotonic())
-            self._vent_reason = reason
-
-    def _on_clear_faults(self, request: Any, response: Any) -> Any:
-        driver = self._driver
-        if driver is None:
-            response.success, response.message = False, "not configured: the bus is not open"
-            return response
-        self._start_up.clear_faults(driver, time.monotonic())
-        self._log.faults_cleared()
-        rests = driver.state not in _MOVING and not driver.lowers
-        if rests:
-            self._vent_reason = "faults cleared, not activated yet"
-            self._publish_state()
-        response.success = driver.state not in FAULTY
-        response.message = driver.state.value + ("; activate to move" if rests else "")
-        return response
-
     def _watch(self) -> None:
         """Log what the I/O thread has found, and make the lifecycle transitions that follow."""
         driver = self._driver
@@ -405,10 +352,10 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
             return
         if self._loop is not None and (stalled := self._stalled_cycle.look(self._loop)):
             driver.stop_stalled(stalled, time.monotonic())
-        self._publish_state()
+        self._reported.publish(self._driver)
         if driver.state in FAULTY:
             self._log.faults(driver)
-        if self._active and driver.state not in _MOVING:
+        if self._active and driver.state not in MOVING:
             self.trigger_deactivate()
         if self._active:
             self._start_up.end()
@@ -416,13 +363,6 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         if advice is Advice.ACTIVATE:
             self.trigger_activate()
         self._log.start(advice, reason)
-
-    def _cancel_start(self, reason: str) -> bool:
-        """Cancel the activation at start-up, if one is waiting, and say so."""
-        if self._start_up.cancel():
-            self._log.start_cancelled(reason)
-            return True
-        return False
 
     def _publish_fluid_pressures(self) -> None:
         if self._snapshot is not None:

@@ -63,24 +63,14 @@ class Readings(NamedTuple):
 
 
 class CommandedMotion(NamedTuple):
-    """Whether the driver moves the valves, and by which command.
+    """Whether the driver moves the valves, and by which command."""
 
-    Attributes
-    ----------
-    commanded : bool
-        Whether the valves follow commands; they do not while the driver itself lowers the joints.
-    since : float
-        Since when the boards are commanded to be active, monotonic [s]; infinite while not.
-    command_time : float
-        When the command in use was computed, monotonic [s].
-    last_rejection : str
-        Why the last refused command was refused.
-    """
-
+    # whether the valves follow commands; they do not while the driver itself lowers the joints
     commanded: bool
+    # since when the boards are commanded to be active, monotonic [s]; infinite while not
     since: float
-    command_time: float
-    last_rejection: str
+    command_time: float  # when the command in use was computed, monotonic [s]
+    last_rejection: str  # why the last refused command was refused
 
 
 class _Sensors(NamedTuple):

@@ -62,15 +62,7 @@ class StartUp:
         self._activates = False
 
     def step(self, driver: Driver, now: float) -> StartStep:
-        """What to do now while the boards are waited for.
-
-        Parameters
-        ----------
-        driver : Driver
-            The configured driver.
-        now : float
-            Monotonic time [s].
-        """
+        """What to do now while the boards are waited for."""
         if self._until is None:
             return StartStep(Advice.WAIT)
         faulty = [found for found in driver.conditions if found.kind == "board_fault"]

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
-from typing import Final
 
 from pam_gap.answer.diagnosis import Diagnosis
 from pam_gap.answer.sentences import verdict_sentence
-from pam_gap.diagnosis_engine import JointDiagnosis
+from pam_gap.diagnosis_engine import USUAL, DiagnosisOptions, JointDiagnosis
 from pam_gap.inference.loose_lengths import (
     as_measured,
     probability_of_lengths,
     shared_probabilities,
 )
-from pam_gap.inference.search import Progress, silent
 from pam_gap.prediction.bench_joint import (
     bench_channels,
     bench_muscles,
@@ -47,32 +44,8 @@ from pam_gap.recordings.saturation import without_saturated
 from pam_gap.recordings.still_channels import without_still
 from pam_gap.rules import DEFAULT, Rules
 from pam_gap.rules.recording_rules import RecordingRules
+from pam_gap.search.candidate_search import Progress, silent
 from pam_model.rig import Rig
-
-
-@dataclass(frozen=True, slots=True)
-class DiagnosisOptions:
-    """How a diagnosis is made.
-
-    Attributes
-    ----------
-    threads : int
-        Number of simulations that run in parallel; 0 for one per processor, at most 4.
-    progress : callable
-        Called with the current task and the completed share, 0 to 1.
-    rules : Rules
-        Hand-set constants of the diagnosis.
-    with_experiment : bool
-        Whether the next experiment is sought; for a muscle on a bench, none is.
-    """
-
-    threads: int = 0
-    progress: Progress = silent
-    rules: Rules = DEFAULT
-    with_experiment: bool = True
-
-
-USUAL: Final = DiagnosisOptions()
 
 
 def diagnose(
@@ -242,18 +215,9 @@ def _engine(
     is_bench: bool = False,
 ) -> JointDiagnosis:
     """The diagnosis of the joint with this number, which may be invented for a bench."""
-    threads = options.threads if options.threads > 0 else min(os.cpu_count() or 1, 4)
     muscles = rig.joints[number].muscles[:1] if is_bench else rig.joints[number].muscles
-    return JointDiagnosis(
-        rig,
-        number,
-        usable_parts(rig, number, recordings, options.rules.recording, muscles),
-        rules=options.rules,
-        threads=threads,
-        progress=options.progress,
-        with_experiment=options.with_experiment,
-        is_bench=is_bench,
-    )
+    usable = usable_parts(rig, number, recordings, options.rules.recording, muscles)
+    return JointDiagnosis(rig, number, usable, options, is_bench=is_bench)
 
 
 def diagnose_subject(

@@ -17,11 +17,11 @@ from pathlib import Path
 from pam_gap.answer.diagnosis import Diagnosis
 from pam_gap.answer.provenance import provenance
 from pam_gap.diagnose_recordings import (
-    DiagnosisOptions,
     diagnose_subject,
     prepared_subject,
     subjects_to_diagnose,
 )
+from pam_gap.diagnosis_engine import DiagnosisOptions
 from pam_gap.experiments.files import FOLDER
 from pam_gap.first_look import first_look
 from pam_gap.prediction.bench_joint import bench_muscles

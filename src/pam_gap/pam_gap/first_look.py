@@ -22,6 +22,8 @@ from pam_gap.prediction.gap_figures import noise_level
 from pam_gap.prediction.identifiable import what_is_missing
 from pam_gap.prediction.locate import locate
 from pam_gap.prediction.materiality import gap_sizes
+from pam_gap.search.beginning_first import search_of_the_beginning
+from pam_gap.search.effect_search import EffectSearch
 from pam_model.effects import EFFECTS
 
 FILE = "first_look.json"
@@ -64,26 +66,14 @@ class RetunedGap:
 
 @dataclass(frozen=True, slots=True)
 class FirstLook:
-    """What a first look at the recordings of one joint shows.
+    """What a first look at the recordings of one joint shows."""
 
-    Attributes
-    ----------
-    joint : str
-        Name of the joint.
-    missing : tuple of str
-        Why no answer is possible; empty if one is.
-    stage : str or None
-        The stage with the largest gap when it is simulated from its measured inputs.
-    gaps : tuple of RetunedGap
-        The channel with the largest share of its motion first.
-    effects : tuple of Resemblance
-        The effect that removes most of the error first; empty if the error does not matter.
-    """
-
-    joint: str
-    missing: tuple[str, ...] = ()
+    joint: str  # name of the joint
+    missing: tuple[str, ...] = ()  # why no answer is possible; empty if one is
+    # the stage with the largest gap when it is simulated from its measured inputs
     stage: str | None = None
-    gaps: tuple[RetunedGap, ...] = ()
+    gaps: tuple[RetunedGap, ...] = ()  # the channel with the largest share of its motion first
+    # the effect that removes most of the error first; empty if the error does not matter
     effects: tuple[Resemblance, ...] = ()
 
     def text(self) -> str:
@@ -119,13 +109,7 @@ class FirstLook:
 
 
 def first_look(engine: JointDiagnosis) -> FirstLook:
-    """Look at the recordings of a diagnosis that was prepared, but not run.
-
-    Parameters
-    ----------
-    engine : JointDiagnosis
-        The prepared diagnosis.
-    """
+    """Look at the recordings of a diagnosis that was prepared, but not run."""
     problem, fitter = engine.problem, engine.fitter
     name = engine.rig.joint_names[engine.joint]
     missing = what_is_missing(problem)
@@ -140,35 +124,34 @@ def first_look(engine: JointDiagnosis) -> FirstLook:
     squares = [written.mean_square, nominal.mean_square, nominal.mean_square]
     sizes = gap_sizes(problem, noise_level(problem, values), share, share, squares)
     matters = any(size.is_material for size in sizes)
-    shown = (engine.on_the_beginning() or engine) if matters else engine
+    search = engine.effect_search()
     return FirstLook(
         name,
         stage=location.worst,
         gaps=tuple(RetunedGap(s.channel, s.unit, s.motion, s.before, s.retuned) for s in sizes),
-        effects=_ranked(shown) if matters else (),
+        effects=_ranked(search_of_the_beginning(search) or search) if matters else (),
     )
 
 
-def _ranked(engine: JointDiagnosis) -> tuple[Resemblance, ...]:
+def _ranked(search: EffectSearch) -> tuple[Resemblance, ...]:
     """The effects by the share of the error that they remove; of several starts the best."""
-    nominal = engine.fitter.fit_nominal()
-    candidates = engine.candidates()
-    engine.progress(f"one effect: {len(candidates)} candidates", 0.4)
+    nominal = search.fitter.fit_nominal()
+    search.progress(f"one effect: {len(search.candidates)} candidates", 0.4)
     reuse = nominal.result.jacobian
-    tried = engine.fitter.fit_all(
+    tried = search.fitter.fit_all(
         [
             FitTask(
                 (candidate,), np.concatenate([nominal.result.values, start]), 1,
                 cached=reuse,
             )
-            for candidate in candidates
+            for candidate in search.candidates
             for start in candidate.starts
         ]
     )  # fmt: skip
-    usual = engine.in_sample(nominal)
+    usual = search.in_sample(nominal)
     removes: dict[str, float] = {}
     for one in tried:
-        share = engine.judge.share_removed(usual, engine.in_sample(one))
+        share = search.judge.share_removed(usual, search.in_sample(one))
         (effect,) = one.effects
         removes[effect] = max(share, removes.get(effect, 0.0))
     ranked = sorted(removes.items(), key=lambda entry: -entry[1])

@@ -4,7 +4,7 @@ The public names, without ROS:
 
 - `load_rig`, `save_rig`, `Rig`: read, check and write a rig file, the description of a robot.
 - `create_force_model`, `registered_models`, `MuscleGeometry`: force from length and pressure.
-- `AntagonisticJoint`: a joint's torque and stiffness from two pressures, and the inverse.
+- `JointStatics`: a joint's torque and stiffness from the pressures of its muscles, and the inverse.
 - `EFFECTS`: the effects by which a real rig differs from the ideal one, by name.
 - `PlantParameters`, `initial_state`, `simulate`, `simulate_measured`, `Plant`: the simulated joint.
 - `load_measurements`, `fit`, `compare`: identify and rank force models with measured points.
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from pam_model.identify.compare import compare
     from pam_model.identify.fit import fit
     from pam_model.identify.measurements import load_measurements
-    from pam_model.joints.antagonistic_joint import AntagonisticJoint
+    from pam_model.joints.joint_statics import JointStatics
     from pam_model.muscles.force_model import MuscleGeometry, create_force_model, registered_models
     from pam_model.plant.parameters import PlantParameters
     from pam_model.plant.simulate import Plant, initial_state, simulate, simulate_measured
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "EFFECTS",
-    "AntagonisticJoint",
+    "JointStatics",
     "MuscleGeometry",
     "PamError",
     "Plant",
@@ -78,10 +78,10 @@ def __getattr__(name: str) -> Any:
             from pam_model.identify import measurements
 
             return getattr(measurements, name)
-        case "AntagonisticJoint":
-            from pam_model.joints import antagonistic_joint
+        case "JointStatics":
+            from pam_model.joints import joint_statics
 
-            return getattr(antagonistic_joint, name)
+            return getattr(joint_statics, name)
         case "MuscleGeometry" | "create_force_model" | "registered_models":
             from pam_model.muscles import force_model
 

@@ -89,29 +89,14 @@ class Outcome:
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """One command of a tool.
+    """One command of a tool."""
 
-    Attributes
-    ----------
-    name : str
-        What the user types.
-    summary : str
-        What it does, one line.
-    declare : callable
-        Adds the arguments to a parser; imports nothing heavy.
-    run : callable
-        Does the work; a PamError reports a mistake of the user.
-    bad_news : str
-        Condition on which --check ends with exit code 1; empty without --check.
-    examples : sequence of str
-        Command lines for the help text; the word `pam` at their beginning is shown as `PROGRAM`.
-    """
-
-    name: str
-    summary: str
-    declare: Callable[[Parser], None]
-    run: Callable[[Arguments], Outcome]
-    bad_news: str = ""
+    name: str  # what the user types
+    summary: str  # what it does, one line
+    declare: Callable[[Parser], None]  # adds the arguments to a parser; imports nothing heavy
+    run: Callable[[Arguments], Outcome]  # does the work; a PamError reports a mistake of the user
+    bad_news: str = ""  # condition on which --check ends with exit code 1; empty without --check
+    # command lines for the help text; the word `pam` at their beginning is shown as `PROGRAM`
     examples: Sequence[str] = ()
 
 
@@ -170,26 +155,13 @@ class _VersionAction(argparse.Action):
 
 @dataclass(frozen=True, slots=True)
 class Tool:
-    """The commands of one package, which the user runs as `pam NAME COMMAND`.
+    """The commands of one package, which the user runs as `pam NAME COMMAND`."""
 
-    Attributes
-    ----------
-    name : str
-        What the user types; empty for the program `pam` itself, whose commands are tools.
-    summary : str
-        Purpose of the tool, one line.
-    commands : sequence of Command, NodeCommand or Tool
-        All commands of the tool.
-    default : str
-        The command that runs if none is named.
-    moved : mapping of str to str
-        Former commands, each with the command line that replaces it.
-    """
-
-    name: str
-    summary: str
-    commands: Sequence[Command | NodeCommand | Tool]
-    default: str = ""
+    name: str  # what the user types; empty for the program `pam` itself, whose commands are tools
+    summary: str  # purpose of the tool, one line
+    commands: Sequence[Command | NodeCommand | Tool]  # all commands of the tool
+    default: str = ""  # the command that runs if none is named
+    # former commands, each with the command line that replaces it
     moved: Mapping[str, str] = field(default_factory=dict)
 
     @property

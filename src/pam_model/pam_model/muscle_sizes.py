@@ -18,24 +18,12 @@ from pam_model.names import unknown
 
 @dataclass(frozen=True, slots=True)
 class MuscleSize:
-    """One size of a maker.
+    """One size of a maker."""
 
-    Attributes
-    ----------
-    diameter : float
-        Inner diameter [m].
-    force : float
-        Theoretical force at `pressure`, without contraction [N].
-    pressure : float
-        Largest operating pressure [Pa gauge].
-    contraction : float
-        Largest permitted contraction over nominal length [-].
-    """
-
-    diameter: float
-    force: float
-    pressure: float
-    contraction: float
+    diameter: float  # inner diameter [m]
+    force: float  # theoretical force at `pressure`, without contraction [N]
+    pressure: float  # largest operating pressure [Pa gauge]
+    contraction: float  # largest permitted contraction over nominal length [-]
 
 
 _FESTO = {

@@ -21,23 +21,12 @@ _EQUAL: Final = 1e-6  # rates that differ by less are meant to be equal, relativ
 
 
 class Work(NamedTuple):
-    """What is done in a cycle beside the driver's own part.
+    """What is done in a cycle beside the driver's own part."""
 
-    Attributes
-    ----------
-    measure : callable
-        Hands what the driver has measured to the controller.
-    control : callable
-        Computes commands, and hands them to the driver.
-    publish : callable
-        Tells the observers of it, when the commands have been sent.
-    estimate : callable
-        Estimates what is not measured, from the last measurements or None, and publishes it.
-    """
-
-    measure: Callable[[Snapshot], object]
-    control: Callable[[], object]
-    publish: Callable[[], object]
+    measure: Callable[[Snapshot], object]  # hands what the driver has measured to the controller
+    control: Callable[[], object]  # computes commands, and hands them to the driver
+    publish: Callable[[], object]  # tells the observers of it, when the commands have been sent
+    # estimates what is not measured, from the last measurements or None, and publishes it
     estimate: Callable[[Snapshot | None], object]
 
 

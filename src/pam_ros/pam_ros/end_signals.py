@@ -39,7 +39,7 @@ class EndSignals:
         self._clock = clock
         self._first: float | None = None
         self._urgent = False
-        self._interruptible = False
+        self._interruptible = self._at_once = False
 
     @property
     def asked(self) -> bool:
@@ -52,9 +52,12 @@ class EndSignals:
         return self._urgent
 
     @contextmanager
-    def interruptible(self) -> Iterator[None]:
-        """Let an urgent request raise KeyboardInterrupt; for code that C++ does not call."""
-        self._interruptible = True
+    def interruptible(self, *, at_once: bool = False) -> Iterator[None]:
+        """Let an urgent request raise KeyboardInterrupt; for code that C++ does not call.
+
+        With `at_once` the first request does, for work that may be left half done.
+        """
+        self._interruptible, self._at_once = True, at_once
         try:
             yield
         finally:
@@ -62,12 +65,13 @@ class EndSignals:
 
     def _note(self, number: int, frame: object) -> None:
         now = self._clock()
+        first = self._first is None
         if self._first is None:
             self._first = now
         elif now - self._first > ONE_REQUEST:
             self._urgent = True
-            if self._interruptible:
-                raise KeyboardInterrupt
+        if self._interruptible and (self._urgent or (first and self._at_once)):
+            raise KeyboardInterrupt
 
     def __enter__(self) -> Self:
         self._before = {

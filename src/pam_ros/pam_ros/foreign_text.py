@@ -81,11 +81,6 @@ def plain(text: str, longest: int = LONGEST) -> str:
 def value_shown(value: object) -> str:
     """Show a value of any type that somebody else has set, such as that of a parameter.
 
-    Parameters
-    ----------
-    value : object
-        The value.
-
     Returns
     -------
     str

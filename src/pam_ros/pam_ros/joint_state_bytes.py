@@ -35,24 +35,14 @@ def stamp_of(data: bytes) -> float:
 
 
 class JointStateFields(NamedTuple):
-    """The fields of a sensor_msgs/JointState.
+    """The fields of a sensor_msgs/JointState."""
 
-    Attributes
-    ----------
-    seconds, nanoseconds : int
-        The stamp.
-    frame_id : str
-        Of the header.
-    name : tuple of str
-        Names.
-    position, velocity, effort : tuple of float
-        The numbers; each may be empty.
-    """
-
+    # seconds, nanoseconds: the stamp
     seconds: int
     nanoseconds: int
-    frame_id: str
-    name: tuple[str, ...]
+    frame_id: str  # of the header
+    name: tuple[str, ...]  # names
+    # position, velocity, effort: the numbers; each may be empty
     position: tuple[float, ...]
     velocity: tuple[float, ...]
     effort: tuple[float, ...]
@@ -181,11 +171,6 @@ class JointStateReader:
 
     def read(self, data: bytes) -> JointStateFields:
         """The fields of a message.
-
-        Parameters
-        ----------
-        data : bytes
-            The message as it was received.
 
         Raises
         ------

@@ -17,13 +17,6 @@ from pam_ros.message_layout import check_layout
 def decode(data: bytes, kind: Any) -> Any:
     """A message from its bytes.
 
-    Parameters
-    ----------
-    data : bytes
-        The message as it was received.
-    kind : type
-        Its type.
-
     Raises
     ------
     MalformedMessageError
@@ -39,25 +32,12 @@ def decode(data: bytes, kind: Any) -> Any:
 
 
 def encode(message: Any) -> bytes:
-    """The bytes of a message, as they are sent.
-
-    Parameters
-    ----------
-    message : object
-        Of any type of message.
-    """
+    """The bytes of a message, as they are sent."""
     return bytes(serialize_message(message))
 
 
 def checked(data: bytes, kind: Any) -> bytes:
     """The bytes themselves, if they are a message of this type.
-
-    Parameters
-    ----------
-    data : bytes
-        The message as it was received.
-    kind : type
-        Its type.
 
     Raises
     ------

@@ -24,48 +24,24 @@ WIDTH = 100
 
 @dataclass(frozen=True, slots=True)
 class Endpoint:
-    """A topic or service of a node.
+    """A topic or service of a node."""
 
-    Attributes
-    ----------
-    name : str
-        As the node gives it to ROS; `~` is the node's own name, `<...>` a variable part.
-    kind : str
-        Type, for example "sensor_msgs/JointState".
-    what : str
-        Its content or effect, with units.
-    """
-
-    name: str
-    kind: str
-    what: str
+    name: str  # as the node gives it to ROS; `~` is the node's own name, `<...>` a variable part
+    kind: str  # type, for example "sensor_msgs/JointState"
+    what: str  # its content or effect, with units
 
 
 @dataclass(frozen=True, slots=True)
 class NodeHelp:
-    """The information that a user needs to start a node.
+    """The information that a user needs to start a node."""
 
-    Attributes
-    ----------
-    program : str
-        The command, for example "pam model node".
-    purpose : str
-        What the node does, in plain sentences.
-    parameters : sequence of Parameter
-        The node's own parameters.
-    other_keys : str
-        Describes the other keys of its parameter file; empty if there are none.
-    example : str
-        The arguments of an example command.
-    publishes, subscribes, serves : sequence of Endpoint
-        Topics and services, without `/rosout` and the services for parameters.
-    """
-
-    program: str
-    purpose: str
-    parameters: Sequence[Parameter]
-    other_keys: str
-    example: str
+    program: str  # the command, for example "pam model node"
+    purpose: str  # what the node does, in plain sentences
+    parameters: Sequence[Parameter]  # the node's own parameters
+    other_keys: str  # describes the other keys of its parameter file; empty if there are none
+    example: str  # the arguments of an example command
+    # publishes, subscribes, serves: topics and services, without `/rosout` and the services for
+    # parameters
     publishes: Sequence[Endpoint] = ()
     subscribes: Sequence[Endpoint] = ()
     serves: Sequence[Endpoint] = ()

@@ -32,21 +32,11 @@ _given: list[str] = []
 
 @dataclass(frozen=True, slots=True)
 class FileSection:
-    """One section of a parameter file.
+    """One section of a parameter file."""
 
-    Attributes
-    ----------
-    file : Path
-        The file.
-    line : int
-        Where its name stands, counted from 1.
-    name : str
-        The name of the node as written, with namespaces, such as "/**/pam_controller".
-    """
-
-    file: Path
-    line: int
-    name: str
+    file: Path  # the file
+    line: int  # where its name stands, counted from 1
+    name: str  # the name of the node as written, with namespaces, such as "/**/pam_controller"
 
     @property
     def parts(self) -> list[str]:

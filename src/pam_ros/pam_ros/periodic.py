@@ -29,27 +29,13 @@ LATE = 0.5  # periods; a call that begins later is late, and not begun at all if
 
 @dataclass(frozen=True, slots=True)
 class LoopStatistics:
-    """The timing of a loop since its start.
+    """The timing of a loop since its start."""
 
-    Attributes
-    ----------
-    cycles : int
-        Number of calls.
-    late : int
-        Calls that began more than half a period after their deadline.
-    skipped : int
-        Deadlines that passed, by more than half a period, while a call was running.
-    worst_lateness : float
-        Largest delay from deadline to call [s].
-    priority : int
-        Real-time priority of the thread; 0: none.
-    """
-
-    cycles: int
-    late: int
-    skipped: int
-    worst_lateness: float
-    priority: int = 0
+    cycles: int  # number of calls
+    late: int  # calls that began more than half a period after their deadline
+    skipped: int  # deadlines that passed, by more than half a period, while a call was running
+    worst_lateness: float  # largest delay from deadline to call [s]
+    priority: int = 0  # real-time priority of the thread; 0: none
 
 
 def take_priority(priority: int, thread: int = 0) -> int:

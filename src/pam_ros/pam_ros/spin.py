@@ -6,6 +6,8 @@ All nodes use this function, so that they start and end in the same way.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
+from functools import partial
 from typing import Any
 
 import rclpy
@@ -29,6 +31,7 @@ def spin_node(
     *,
     mistake: type[Exception],
     only_at_start: bool = False,
+    may_be_left: bool = False,
 ) -> int:
     """Make a node and run it until SIGINT or SIGTERM.
 
@@ -50,6 +53,8 @@ def spin_node(
     only_at_start : bool, optional
         Whether it is a user's mistake only while the node is made: what a cycle raises later is a
         fault of the program.
+    may_be_left : bool, optional
+        Whether a signal ends what a steady timer of the node does, which may take long.
 
     Returns
     -------
@@ -70,7 +75,8 @@ def spin_node(
             executor = EventsExecutor()
             executor.add_node(node)
             timers = getattr(node, "steady_timers", None)
-            for _ in turns(executor, timers, lambda: not signals.asked and rclpy.ok()):
+            within = partial(signals.interruptible, at_once=True) if may_be_left else nullcontext
+            for _ in turns(executor, timers, lambda: not signals.asked and rclpy.ok(), within):
                 if check is not None:
                     check(node)
         except (KeyboardInterrupt, ExternalShutdownException):

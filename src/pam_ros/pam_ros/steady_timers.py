@@ -13,7 +13,7 @@ import math
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import Any, Final
 
 from pam_ros.unforeseen import guard_callbacks, raise_handed_over
@@ -83,7 +83,10 @@ class SteadyTimers:
 
 
 def turns(
-    executor: Any, timers: SteadyTimers | None, going_on: Callable[[], bool]
+    executor: Any,
+    timers: SteadyTimers | None,
+    going_on: Callable[[], bool],
+    within: Callable[[], AbstractContextManager[object]] = nullcontext,
 ) -> Iterator[None]:
     """Run an executor and timers, turn by turn.
 
@@ -95,6 +98,8 @@ def turns(
         Those of its node.
     going_on : callable
         Whether there is another turn.
+    within : callable, optional
+        Makes the context in which timers are called.
 
     Raises
     ------
@@ -109,7 +114,8 @@ def turns(
             wait = TURN if timers is None else timers.until_next()
             executor.spin_once(timeout_sec=min(max(wait, _SHORTEST), TURN))
             if timers is not None:
-                timers.call_due()
+                with within():
+                    timers.call_due()
             raise_handed_over()
             yield
 

@@ -43,18 +43,10 @@ class ValveCommandError(ValueError):
 
 
 class ValveFields(NamedTuple):
-    """The two fields of a message that carry commands.
+    """The two fields of a message that carry commands."""
 
-    Attributes
-    ----------
-    position : list of float
-        Spool openings of flow valves [-1..1].
-    effort : list of float
-        Set points of pressure regulators [Pa gauge].
-    """
-
-    position: list[float]
-    effort: list[float]
+    position: list[float]  # spool openings of flow valves [-1..1]
+    effort: list[float]  # set points of pressure regulators [Pa gauge]
 
 
 class ValveCommandFormat:

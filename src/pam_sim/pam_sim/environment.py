@@ -37,26 +37,13 @@ PER_JOINT = 5
 
 @dataclass(frozen=True, slots=True)
 class EpisodeTask:
-    """What an episode asks for.
+    """What an episode asks for."""
 
-    Attributes
-    ----------
-    period : float
-        Between two actions [s].
-    seconds : float
-        Length of an episode [s].
-    hold : float
-        How long a target stays [s].
-    reach : float
-        Targets are drawn from this share of the position limits [-].
-    effort : float
-        What the square of an action costs, where the square of an error in rad costs 1.
-    """
-
-    period: float = 0.02
-    seconds: float = 8.0
-    hold: float = 2.0
-    reach: float = 0.6
+    period: float = 0.02  # between two actions [s]
+    seconds: float = 8.0  # length of an episode [s]
+    hold: float = 2.0  # how long a target stays [s]
+    reach: float = 0.6  # targets are drawn from this share of the position limits [-]
+    # what the square of an action costs, where the square of an error in rad costs 1
     effort: float = 1e-3
 
     def __post_init__(self) -> None:

@@ -23,14 +23,14 @@ from pam_sim.faults.kinds import ALL_KINDS
 from pam_sim.faults.size_of_faults import ranges_on
 
 
-def _frames(kind: str, direction: Direction, share: float = 1.0) -> Injection:
+def _frames(kind: str, direction: Direction) -> Injection:
     def inject(stage: FaultStage, values: Values, draw: random.Random) -> None:
         until = stage.now + values.get("duration", FOR_EVER)
         stage.frames.faults.append(
             FrameFault(
                 kind,
                 direction,
-                values.get("share", share),
+                values.get("share", 1.0),
                 values.get("delay", values.get("gap", 0.0)),
                 until,
                 values.get("period", 1.0),

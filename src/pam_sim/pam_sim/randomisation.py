@@ -28,17 +28,10 @@ QUANTILE = 1.6448536269514722
 
 @dataclass(frozen=True, slots=True)
 class Spread:
-    """A number that is not known exactly.
+    """A number that is not known exactly."""
 
-    Attributes
-    ----------
-    value : float
-        Its estimate, in SI units.
-    low, high : float
-        Its 90 % interval.
-    """
-
-    value: float
+    value: float  # its estimate, in SI units
+    # low, high: its 90 % interval
     low: float
     high: float
 
@@ -108,17 +101,7 @@ class Randomisation:
     def draw(
         self, parameters: PlantParameters, count: int, generator: np.random.Generator
     ) -> Array:
-        """The numbers of `count` joints (count, n_parameters), within the bounds of a rig file.
-
-        Parameters
-        ----------
-        parameters : PlantParameters
-            Gives the numbers that are not drawn.
-        count : int
-            Number of joints.
-        generator : numpy.random.Generator
-            Source of the numbers.
-        """
+        """The numbers of `count` joints (count, n_parameters), within the bounds of a rig file."""
         values = np.repeat(parameters.values[None], count, axis=0)
         for name, spread in self.spreads.items():
             drawn = spread.draw(count, generator)

@@ -17,7 +17,7 @@ from pam_model.effects import EFFECTS
 from pam_model.errors import PamError, RigError
 from pam_model.names import unknown
 from pam_model.plant.default_step import DEFAULT_STEP
-from pam_model.plant.layout import MUSCLES
+from pam_model.plant.joint_muscles import SIDES
 from pam_model.plant.parameters import PlantParameters
 from pam_model.plant.robot_plant import RobotPlant
 from pam_model.plant.simulate import vented_state
@@ -189,7 +189,7 @@ class SimulatedRig:
         """Let a muscle leak through the conductance C [m^3/(s Pa)]; 0 closes the leak."""
         for joint, muscles in enumerate(self._muscles_of):
             if muscle in muscles:
-                side = MUSCLES[muscles.index(muscle)]
+                side = SIDES[muscles.index(muscle)]
                 self._plants[joint].change({f"{side}.leakage.conductance": conductance})
 
     def set_brake(self, torque: float) -> None:
@@ -243,7 +243,7 @@ class SimulatedRig:
             result.velocities.append(output["velocity"])
             result.torques.append(output["torque"])
             places = self._muscles_of[joint]
-            for side, index, speed in zip(MUSCLES, places, plant.path_speeds, strict=True):
+            for side, index, speed in zip(SIDES, places, plant.path_speeds, strict=True):
                 result.pressures[index] = output[f"{side}.pressure"]
                 result.lengths[index] = output[f"{side}.length"]
                 result.forces[index] = output[f"{side}.force"]
@@ -333,7 +333,7 @@ def apply_effects(rig: Rig, truth: Rig, effects: Mapping[str, float]) -> list[Pl
             if not owner or owner == joint.name:
                 changes = {plain: value}
             elif effect.scope == "muscle" and owner in joint.muscles:
-                changes = {f"{MUSCLES[joint.muscles.index(owner)]}.{plain}": value}
+                changes = {f"{SIDES[joint.muscles.index(owner)]}.{plain}": value}
             else:
                 continue
             plants[index] = plants[index].replaced(changes)

@@ -30,7 +30,7 @@ class WiredPort(SimulatedPort):
             second = -second
         reading = super().advance((first, second))
         self.truth.append(reading)
-        time, position, pressures, _ = reading
+        time, position, pressures = reading[:3]
         if self.exchanged == "hoses":
             pressures = pressures[1], pressures[0]
         if self.exchanged == "sign of the joint":

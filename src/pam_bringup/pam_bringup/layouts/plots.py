@@ -13,30 +13,14 @@ FIRST, SECOND, ASKED_FIRST, ASKED_SECOND = "#1f77b4", "#d62728", "#9ecae1", "#fc
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """One number of a message over time.
+    """One number of a message over time."""
 
-    Attributes
-    ----------
-    topic : str
-        With its leading slash and namespace.
-    field : str
-        The list in the message that holds the number.
-    place : int
-        Place in this list.
-    name : str
-        Of the joint or muscle, where the message names its numbers; else empty.
-    label : str
-        For the legend.
-    colour : str
-        "#rrggbb".
-    """
-
-    topic: str
-    field: str
-    place: int
-    name: str
-    label: str
-    colour: str
+    topic: str  # with its leading slash and namespace
+    field: str  # the list in the message that holds the number
+    place: int  # place in this list
+    name: str  # of the joint or muscle, where the message names its numbers; else empty
+    label: str  # for the legend
+    colour: str  # "#rrggbb"
 
 
 @dataclass(frozen=True, slots=True)

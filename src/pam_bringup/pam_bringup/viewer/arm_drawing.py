@@ -25,24 +25,12 @@ _FULL = (220, 50, 40)
 
 @dataclass(frozen=True, slots=True)
 class Stroke:
-    """A line with a thickness.
+    """A line with a thickness."""
 
-    Attributes
-    ----------
-    name : str
-        What it shows, for example `elbow/elbow_flexor`.
-    points : tuple of Point
-        Its corners [m].
-    radius : float
-        Half of its thickness [m].
-    colour : tuple of int
-        Red, green and blue, 0 to 255.
-    """
-
-    name: str
-    points: tuple[Point, ...]
-    radius: float
-    colour: tuple[int, int, int]
+    name: str  # what it shows, for example `elbow/elbow_flexor`
+    points: tuple[Point, ...]  # its corners [m]
+    radius: float  # half of its thickness [m]
+    colour: tuple[int, int, int]  # red, green and blue, 0 to 255
 
 
 def eye_of(robot: Robot) -> tuple[Point, Point]:

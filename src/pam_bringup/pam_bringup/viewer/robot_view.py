@@ -53,15 +53,7 @@ class Sink(Protocol):
 
 
 class RobotView:
-    """Shows the messages of one robot.
-
-    Parameters
-    ----------
-    rig : Rig
-        The robot.
-    sink : Sink
-        The viewer.
-    """
+    """Shows the messages of one robot."""
 
     def __init__(self, rig: Rig, sink: Sink) -> None:
         self._rig, self._sink = rig, sink

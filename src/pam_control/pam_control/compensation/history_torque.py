@@ -23,8 +23,7 @@ from pam_control.rows.plan_rows import (
 from pam_model.joints.muscle_inverse import L_RATIO
 from pam_model.plant.composition import dry_friction, memory_pull
 from pam_model.plant.control_laws import memory_advance
-from pam_model.plant.layout import N_MUSCLE_STATES
-from pam_model.views.joint_numbers import constants_of
+from pam_model.plant.layout import N_MUSCLE_STATES, constants_of
 from pam_model.views.joint_rows import length_rate, torque_of
 
 

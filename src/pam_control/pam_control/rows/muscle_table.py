@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from pam_model.plant.compiled import for_kernel
+from pam_model.plant.layout import constants_of
 from pam_model.robot import Robot
-from pam_model.views.joint_numbers import constants_of
 
 O_JOINT, O_NUMBERS = range(2)
 """Of a muscle: the row of its joint, and where its constants begin in those of this joint."""

@@ -16,7 +16,7 @@ from pam_gap.answer.improved_rig import with_number
 from pam_gap.calibration.calibration import KEPT, CalibratedNumber
 from pam_gap.calibration.calibration_rules import CalibrationRules
 from pam_gap.calibration.free_numbers import STATICS, FreeRigNumber, Said, free_numbers
-from pam_model.joints.antagonistic_joint import AntagonisticJoint
+from pam_model.joints.joint_statics import JointStatics
 from pam_model.plant.parameters import NAMES, PlantParameters
 from pam_model.rig import Rig
 from pam_model.rig.partial import PartialRig
@@ -114,7 +114,7 @@ def reaching_limits(rig: Rig, known: Sequence[Known]) -> Rig:
             if longer is not None:
                 value = one.value + share * ((one.high if longer else one.low) - one.value)
                 changed = with_number(changed, joint.name, one.name, value)
-        low, high = AntagonisticJoint.from_rig(changed).position_range
+        low, high = JointStatics.from_rig(changed).position_range
         if low <= lower and upper <= high:
             break
     return changed

@@ -27,7 +27,7 @@ from pam_demo.commission.motions import SampledMotion, Scale
 from pam_demo.commission.robot_port import JointReading
 from pam_demo.commission.watch import Limits, Seen, watched
 from pam_gap.answer.improved_rig import with_number
-from pam_model.joints.antagonistic_joint import AntagonisticJoint
+from pam_model.joints.joint_statics import JointStatics
 from pam_model.plant.parameters import PlantParameters, bounds_of
 from pam_model.plant.simulate import Plant, vented_state
 from pam_model.rig import Rig
@@ -174,7 +174,7 @@ def reaching(rig: Rig, known: Sequence[Known], robot: Mapping[str, float]) -> di
             if one.is_length:
                 found[one.name] = one.value + share * (robot[one.name] - one.value)
                 trial = with_number(trial, joint.name, one.name, found[one.name])
-        low, high = AntagonisticJoint.from_rig(trial).position_range
+        low, high = JointStatics.from_rig(trial).position_range
         if low <= lower and upper <= high:
             break
     return found

@@ -16,7 +16,7 @@ from pam_demo.commission.motions import FILL, REST, SampledMotion, Scale
 from pam_demo.commission.robot_port import JointReading
 from pam_gap.experiments.loop import PressureLoop
 from pam_model.errors import PamError
-from pam_model.joints.antagonistic_joint import AntagonisticJoint
+from pam_model.joints.joint_statics import JointStatics
 from pam_model.rig import Rig
 from pam_model.robot import compose
 from pam_model.views.inverse_dynamics import InverseDynamics
@@ -46,7 +46,7 @@ def scale_of(rig: Rig, period: float) -> Scale:
         If position 0 or the middle of the range is outside the model of a muscle.
     """
     joint = rig.joints[0]
-    statics = AntagonisticJoint.from_rig(rig)
+    statics = JointStatics.from_rig(rig)
     highest = min(PressureLoop(rig, 0).highest)
     lower, upper = joint.position_limits
     middle = 0.5 * (lower + upper)
@@ -54,7 +54,7 @@ def scale_of(rig: Rig, period: float) -> Scale:
     half = 0.5 * highest
 
     def turned(difference: float, position: float) -> float:
-        return statics.torque(half + difference, half - difference, position)
+        return statics.torque((half + difference, half - difference), position)
 
     stiffness = (turned(0.0, middle - PROBE) - turned(0.0, middle + PROBE)) / (2.0 * PROBE)
     torque = (turned(0.1 * half, middle) - turned(-0.1 * half, middle)) / (0.2 * half)

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
+import numpy.typing as npt
 import pandas as pd
 
 from pam_demo.commission.motion_loop import BANDWIDTH, MotionLoop, PressureRelease
@@ -25,6 +26,7 @@ from pam_model.rig import Rig
 from pam_model.robot import compose
 from pam_ros.valve_command import FLOW, PRESSURE_REGULATOR, ValveCommandFormat
 
+Array = npt.NDArray[np.float64]
 EMPTY: Final = 1.0  # s, of venting at the end of a motion
 TOUCH: Final = 0.4  # s, in which a valve is opened a little towards its exhaust
 TOUCH_OPENING: Final = 0.3  # of full opening, at its end
@@ -47,13 +49,16 @@ class Log:
     rig : Rig
         With the names of the joint and its muscles.
     late : float
-        From the sample of a reading to the moment at which commands that are sent together with it
-        reach the valves [s]; of `of_port`.
+        From the sample of a reading without an age to the moment at which commands that are sent
+        together with it reach the valves [s]; of `of_port`.
+    stamps : list of (float, float)
+        Of the angle and the pressures of each row [s].
     """
 
     rig: Rig
     late: float
     rows: list[tuple[float, ...]] = field(default_factory=list)
+    stamps: list[tuple[float, float]] = field(default_factory=list)
 
     @classmethod
     def of_port(cls, rig: Rig, port: RobotPort) -> Log:
@@ -64,9 +69,13 @@ class Log:
     def add(self, reading: JointReading, commands: Sequence[float]) -> None:
         """Add a reading, and the commands that are sent from then on."""
         self.rows.append((reading.time, reading.position, *reading.pressures, *commands))
+        self.stamps.append((reading.position_time, reading.pressure_time))
 
     def table(self) -> pd.DataFrame:
-        """The recording, with the names of channels and the time from its first row [s]."""
+        """The recording, with the names of channels and the time from its first row [s].
+
+        Each measurement counts at its stamp, and is interpolated to the times of the rows.
+        """
         joint = self.rig.joints[0]
         names = [
             "time",
@@ -77,9 +86,21 @@ class Log:
         rows = np.array(self.rows).reshape(-1, len(names))
         sent = np.searchsorted(rows[:, 0], rows[:, 0] - self.late + CLOSE, side="right") - 1
         rows[:, -2:] = rows[np.maximum(sent, 0), -2:]
+        stamps = np.array(self.stamps).reshape(-1, 2)
+        for column, of in ((1, 0), (2, 1), (3, 1)):
+            rows[:, column] = _at(rows[:, 0], stamps[:, of], rows[:, column])
         table = pd.DataFrame(rows, columns=names)
         table["time"] -= table["time"].iloc[0] if len(table) else 0.0
         return table
+
+
+def _at(times: Array, stamps: Array, values: Array) -> Array:
+    """Values at other times than those of their stamps [s]; the last one holds until the end."""
+    if np.abs(times - stamps).max(initial=0.0) < CLOSE:
+        return values
+    new = np.diff(stamps, prepend=-np.inf) > 0.0  # a message is read once more if none is newer
+    result: Array = np.interp(times, stamps[new], values[new])
+    return result
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,19 +17,23 @@ class JointReading(NamedTuple):
     Attributes
     ----------
     time : float
-        Of the measurement [s].
+        At which it was asked for [s]; the next commands follow from it.
     position : float
         [rad]; NaN if it is not known or too old.
     pressures : (float, float)
         Gauge, agonist first [Pa]; NaN if not known or too old.
     refusal : str
         Why the robot's driver takes no commands; empty if it does.
+    age, pressure_age : float
+        Of the angle and of the pressures at `time`, by their stamps [s].
     """
 
     time: float
     position: float
     pressures: tuple[float, float]
     refusal: str = ""
+    age: float = 0.0
+    pressure_age: float = 0.0
 
     @property
     def known(self) -> bool:
@@ -42,6 +46,16 @@ class JointReading(NamedTuple):
         return self.refusal or (
             "" if self.known else "a pressure or the angle is missing or too old"
         )
+
+    @property
+    def position_time(self) -> float:
+        """Stamp of the angle [s]."""
+        return self.time - self.age
+
+    @property
+    def pressure_time(self) -> float:
+        """Stamp of the pressures [s]."""
+        return self.time - self.pressure_age
 
 
 class RobotPort(Protocol):

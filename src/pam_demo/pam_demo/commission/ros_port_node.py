@@ -41,7 +41,6 @@ from pam_ros.unforeseen import hand_over, raise_handed_over
 from pam_ros.valve_command import ValveCommandFormat
 
 MEASUREMENT_DELAY, COMMAND_DELAY = 0.001, 0.003  # s, the defaults of the controller's node
-WAITING: Final = 0.001  # s, the mean age of the latest message of a driver with 500 Hz
 MAX_AGE: Final = 0.1  # s, of a measurement
 PRIORITY: Final = 20  # real-time, where the system permits it; as of the driver's loop
 PLAYING: Final = 10  # of the thread that computes the next commands, below that of the driver
@@ -53,6 +52,17 @@ END: Final = 10.0  # s, in which it must have vented and ended
 GONE: Final = "the process that sends the commands has ended"
 SILENT: Final = "the process that sends the commands does not answer"
 _SENSED = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+
+def age_of_stamp(stamp: Any) -> float:
+    """Age of a message that has just arrived, by its stamp [s]; 0 without one.
+
+    A clock that is ahead makes no measurement younger than its arrival.
+    """
+    if stamp.sec == 0 and stamp.nanosec == 0:
+        return 0.0
+    age: float = time.time() - (stamp.sec + 1e-9 * stamp.nanosec)
+    return max(age, 0.0)
 
 
 class RosPortNode(Node):  # type: ignore[misc]
@@ -73,7 +83,7 @@ class RosPortNode(Node):  # type: ignore[misc]
     def __init__(self, rig: Rig, joint: str, period: float, namespace: str = "") -> None:
         super().__init__("pam_commission", namespace=namespace)
         self.period = period
-        self.measurement_delay = MEASUREMENT_DELAY + WAITING
+        self.measurement_delay = MEASUREMENT_DELAY
         self.command_delay = COMMAND_DELAY + period
         self._joint, self._muscles = joint, rig.joint(joint).muscles
         self._names = list(rig.muscle_names)
@@ -96,11 +106,12 @@ class RosPortNode(Node):  # type: ignore[misc]
     def _take_positions(self, message: Any) -> None:
         positions = dict(zip(message.name, message.position, strict=False))
         if self._joint in positions:
-            self._position, self._position_at = float(positions[self._joint]), time.monotonic()
+            self._position = float(positions[self._joint])
+            self._position_at = time.monotonic() - age_of_stamp(message.header.stamp)
 
     def _take_pressures(self, message: Any) -> None:
         self._pressures = dict(zip(message.name, message.effort, strict=False))
-        self._pressures_at = time.monotonic()
+        self._pressures_at = time.monotonic() - age_of_stamp(message.header.stamp)
 
     def _take_state(self, message: Any) -> None:
         self._refusal = reason_against_commands(message)
@@ -118,12 +129,13 @@ class RosPortNode(Node):  # type: ignore[misc]
 
     def _reading(self) -> JointReading:
         now = time.monotonic()
-        fresh = now - min(self._position_at, self._pressures_at) < MAX_AGE
+        age, pressure_age = now - self._position_at, now - self._pressures_at
+        fresh = max(age, pressure_age) < MAX_AGE
         pressures = [self._pressures.get(name, math.nan) for name in self._muscles]
         if not fresh:
             return JointReading(now, math.nan, (math.nan, math.nan), self._refusal)
         shown = float(pressures[0]), float(pressures[1])
-        return JointReading(now, self._position, shown, self._refusal)
+        return JointReading(now, self._position, shown, self._refusal, age, pressure_age)
 
     def advance(self, commands: Sequence[float]) -> JointReading:
         """As of every `RobotPort`: sends the commands in the next turn of the loop.

@@ -47,7 +47,8 @@ from pam_driver.safety.start_up_check import REPETITIONS
 from pam_gap.calibration.calibration import Calibration, calibrate_joint
 from pam_gap.calibration.calibration_rules import CalibrationRules
 from pam_gap.calibration.free_numbers import Said
-from pam_gap.recordings.recording import Recording, from_columns, resample
+from pam_gap.recordings.recording import Recording, from_columns
+from pam_gap.recordings.resample import resample
 from pam_model.errors import PamError
 from pam_model.rig import Rig
 from pam_model.rig.partial import PartialRig

@@ -34,7 +34,7 @@ class SimulatedPort:
         self.period, self.measurement_delay, self.command_delay = period, 0.0, period
         parameters = PlantParameters.from_rig(rig).forced(dict(changes or {}))
         self._plant = Plant(parameters, STEP, vented_state(parameters))
-        self._shown = (self._plant.output["position"], 0.0, 0.0)
+        self._shown: tuple[float, ...] = (self._plant.output["position"], 0.0, 0.0)
         self._count = 0
 
     def advance(self, commands: Sequence[float]) -> JointReading:

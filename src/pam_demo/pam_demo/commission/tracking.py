@@ -162,13 +162,12 @@ def track(
             if stopped:
                 break
             most = np.maximum(most, limits.shares(reading.pressures, seen.speed, reading.position))
-            measured = Measurement([reading.position], list(reading.pressures), now, now)
-            output = controller.step(now, measured)
+            output = controller.step(now, _measurement(reading))
             if output.commands is None:
                 stopped = output.reason
                 break
             if now >= begin:
-                sampled = now - port.measurement_delay
+                sampled = reading.position_time - port.measurement_delay
                 reference = controller.references.sample(name, sampled).position
                 rows.append((now - begin, reference, reading.position))
             commands = (output.commands[0], output.commands[1])
@@ -192,6 +191,13 @@ def track(
     )
 
 
+def _measurement(reading: JointReading) -> Measurement:
+    """A reading as the controller takes it."""
+    return Measurement(
+        [reading.position], list(reading.pressures), reading.position_time, reading.pressure_time
+    )
+
+
 def _follow(
     controller: Controller,
     name: str,
@@ -212,9 +218,7 @@ def _lower_by(port: RobotPort, controller: Controller, reading: JointReading) ->
     begin = reading.time
     controller.lower(begin)
     while reading.time - begin < LONGEST_LOWERING:
-        now = reading.time
-        measured = Measurement([reading.position], list(reading.pressures), now, now)
-        output = controller.step(now, measured)
+        output = controller.step(reading.time, _measurement(reading))
         if output.commands is None or controller.lowering.phase is LoweringPhase.DONE:
             break
         reading = port.advance((output.commands[0], output.commands[1]))

@@ -37,11 +37,6 @@ class BusLine:
 
     The clock is the wall clock, because python-can stamps frames with it. A delay of this process
     between the arrival of a frame and its reading therefore does not change a measured time.
-
-    Parameters
-    ----------
-    port : CanPort
-        An open bus.
     """
 
     def __init__(self, port: CanPort) -> None:

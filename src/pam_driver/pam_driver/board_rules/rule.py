@@ -20,33 +20,16 @@ class RuleVerdict(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """One rule of docs/can_protocol.md and how to test it.
+    """One rule of docs/can_protocol.md and how to test it."""
 
-    Attributes
-    ----------
-    name : str
-        Short name, for programs.
-    section : str
-        The rule in docs/can_protocol.md to which it belongs.
-    requirement : str
-        What the board must do.
-    sent : str
-        What the test sends.
-    hint : str
-        Where to look in the firmware if the rule fails.
-    check : callable
-        Plays the rule; returns what came back. It raises `RuleBrokenError` or `NotTriedError`.
-    opens_valves : bool
-        Whether the board becomes active in this test, so that air may move.
-    """
-
-    name: str
-    section: str
-    requirement: str
-    sent: str
-    hint: str
+    name: str  # short name, for programs
+    section: str  # the rule in docs/can_protocol.md to which it belongs
+    requirement: str  # what the board must do
+    sent: str  # what the test sends
+    hint: str  # where to look in the firmware if the rule fails
+    # Plays the rule; returns what came back. It raises `RuleBrokenError` or `NotTriedError`.
     check: Callable[[BoardTester], str]
-    opens_valves: bool = True
+    opens_valves: bool = True  # whether the board becomes active in this test, so that air may move
 
 
 class RuleResult(NamedTuple):

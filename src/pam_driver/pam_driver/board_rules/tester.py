@@ -51,44 +51,21 @@ ENABLED: Final = ValveFeed((0.0, 0.0), ON)
 
 @dataclass(frozen=True, slots=True)
 class TestLimits:
-    """What the test may do, and how exactly it can measure.
-
-    Attributes
-    ----------
-    opening : float
-        Valve command that fills a channel, as a fraction of full scale.
-    max_pressure : float
-        A channel is never filled above this [Pa gauge].
-    over_pressure : float or None
-        The board's own limit [Pa gauge]; None: the rule of over-pressure is not tried.
-    tolerance : float
-        How late this computer and the bus may be [s].
-    ask : callable or None
-        Asks a person to do something and returns whether it was done; None: nobody is there.
-    """
+    """What the test may do, and how exactly it can measure."""
 
     __test__ = False  # not a class of tests, whatever pytest thinks of its name
 
-    opening: float = 0.2
-    max_pressure: float = 150_000.0
+    opening: float = 0.2  # valve command that fills a channel, as a fraction of full scale
+    max_pressure: float = 150_000.0  # a channel is never filled above this [Pa gauge]
+    # the board's own limit [Pa gauge]; None: the rule of over-pressure is not tried
     over_pressure: float | None = None
-    tolerance: float = 0.005
+    tolerance: float = 0.005  # how late this computer and the bus may be [s]
+    # asks a person to do something and returns whether it was done; None: nobody is there
     ask: Callable[[str], bool] | None = None
 
 
 class BoardTester:
     """One board on a line.
-
-    Parameters
-    ----------
-    line : Line
-        The bus.
-    codec : BoardCodec
-        Encodes and decodes the frames.
-    number : int
-        The board's number on the bus.
-    limits : TestLimits, optional
-        What the test may do.
 
     Attributes
     ----------

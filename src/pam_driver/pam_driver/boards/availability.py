@@ -66,17 +66,7 @@ class Availability:
         share.pending = 0
 
     def missing_share(self, what: str, channel: int | str, now: float) -> float:
-        """The share of measurements that were missing between others, in the last `WINDOW`.
-
-        Parameters
-        ----------
-        what : str
-            Kind of input.
-        channel : int, str
-            Its channel.
-        now : float
-            Monotonic time [s].
-        """
+        """The share of measurements that were missing between others, in the last `WINDOW`."""
         share = self._shares.get((what, channel))
         if share is None:
             return 0.0

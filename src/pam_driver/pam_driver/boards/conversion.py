@@ -27,21 +27,11 @@ _NO_UNITS: Final = frozenset({"-", "1", "raw", "count", "counts", "digit", "digi
 
 
 class Source(NamedTuple):
-    """What the device's own file says about a signal.
+    """What the device's own file says about a signal."""
 
-    Attributes
-    ----------
-    signal : str
-        The signal, as messages name it.
-    unit : str
-        Its unit in that file; empty if it has none.
-    file : str
-        What kind of file it is, as messages name it.
-    """
-
-    signal: str
-    unit: str
-    file: str
+    signal: str  # the signal, as messages name it
+    unit: str  # its unit in that file; empty if it has none
+    file: str  # what kind of file it is, as messages name it
 
 
 def read_conversion(

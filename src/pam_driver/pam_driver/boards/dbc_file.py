@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import logging
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -17,57 +17,16 @@ from typing import Final, NamedTuple
 import cantools
 from cantools.database import Database
 
+from pam_driver.boards.dbc_flaws import DbcFlaw, absurd, contradictions
+from pam_driver.boards.dbc_statements import HEADINGS, MEANING, Statement, read_statements
 from pam_driver.boards.frame_errors import DbcError
 from pam_driver.boards.maker_file import read_maker_file
 from pam_ros.foreign_text import shown
 
 logging.getLogger("cantools").setLevel(logging.ERROR)  # what it warns of is a flaw here
-# ISO 15765-2 carries up to 4095 bytes in several frames; cantools needs for ever for a typing
-# mistake of some more digits.
-_LONGEST: Final = 4096
-_LENGTH: Final = re.compile(r"\bBO_\s+\d+\s+(\w+)\s*:\s*(\d+)")
-_BITS: Final = re.compile(r"\bSG_\s+(\w+)[^:]*:\s*(\d+)\s*\|\s*(\d+)")
-_SELECTORS: Final = re.compile(r"(\d+)\s*-\s*(\d+)")
-_WORDS: Final = (
-    "BO_TX_BU_|BO_|SG_MUL_VAL_|SG_|CM_|BA_DEF_DEF_REL_|BA_DEF_DEF_|BA_DEF_REL_|BA_DEF_SGTYPE_"
-    "|BA_DEF_|BA_REL_|BA_SGTYPE_|BA_|VAL_TABLE_|VAL_|SIG_VALTYPE_|SIG_GROUP_|SIG_TYPE_REF_"
-    "|SIGTYPE_VALTYPE_|SGTYPE_VAL_|SGTYPE_|EV_DATA_|EV_|ENVVAR_DATA_|BU_SG_REL_|BU_EV_REL_"
-    "|BU_BO_REL_|BU_|BS_|NS_DESC_|NS_|CAT_DEF_|CAT_|FILTER|VERSION"
-)
-_BEGIN: Final = re.compile(rf"[ \t]*({_WORDS})(?![A-Za-z0-9_])(.*)")
-_STANDARD, _EXTENDED, _FLAG = 0x7FF, 0x1FFF_FFFF, 1 << 31
-"""The largest identifiers of 11 and 29 bits, and what is added to the latter in a DBC file."""
-_MESSAGE: Final = re.compile(r"\s*BO_\s+(\S+)\s+(\w+)")
-_SIGNAL: Final = re.compile(r"\s*SG_\s+(\w+)")
-_REFERENCE: Final = re.compile(r'\s*\w+\s+(?:"[^"]*"\s*)?(?:SG_\s+|BO_\s+)?(\d+)\b\s*(\w+)?')
 _ATTRIBUTE: Final = re.compile(r'\s*BA_(?:DEF_DEF_|DEF_)?\s*[A-Z_]*\s*"([^"]*)"')
 _DEFINITIONS: Final = frozenset({"BA_DEF_", "BA_DEF_DEF_", "BA_DEF_REL_", "BA_DEF_DEF_REL_"})
-_HEADINGS: Final = frozenset({"NS_", "NS_DESC_", "BS_", "FILTER"})
-_MEANING: Final = frozenset({"BO_", "SG_", "VAL_", "SIG_VALTYPE_", "SG_MUL_VAL_"})
-"""The statements that say what is in a frame."""
 _FRAME_FORMAT: Final = "VFrameFormat"
-
-
-@dataclass(frozen=True, slots=True)
-class DbcFlaw:
-    """Something that is wrong in a line.
-
-    It makes a signal of some messages doubtful, all their signals if `signal` is empty. If it
-    `begins` a message or signal, the name may not be what the maker meant.
-    """
-
-    line: int
-    text: str
-    messages: frozenset[str] = frozenset()
-    signal: str = ""
-    begins: bool = False
-
-    def concerns(self, message: object, signal: object) -> bool:
-        """Whether it makes a signal doubtful."""
-        return message in self.messages and self.signal in {"", signal}
-
-    def __str__(self) -> str:
-        return f"line {self.line}: {self.text}"
 
 
 class DbcContent(NamedTuple):
@@ -76,18 +35,6 @@ class DbcContent(NamedTuple):
     database: Database
     lines: dict[tuple[str, str], int]
     flaws: list[DbcFlaw]
-
-
-@dataclass
-class _Statement:
-    """A statement of the file: its first word, its lines, and the message that it refers to."""
-
-    kind: str
-    line: int
-    text: str
-    frame: int | None = None
-    message: str = ""
-    signal: str = ""
 
 
 def load_dbc(path: Path, max_bytes: int) -> Database:
@@ -135,12 +82,12 @@ def read_dbc(path: Path, max_bytes: int) -> DbcContent:
         If the file cannot be read, is too large, or describes no message.
     """
     text = read_maker_file(path, max_bytes, "a board's DBC", DbcError)
-    statements = list(_statements(text))
+    statements = list(read_statements(text))
     if not any(one.kind == "BO_" for one in statements):
         raise DbcError(f"{path}: not a valid DBC file: it describes no message (BO_)")
     lines: dict[tuple[str, str], int] = {}
-    flaws = list(_twice(statements, lines))
-    if not any(map(_absurd, statements)):
+    flaws = list(contradictions(statements, lines))
+    if not any(map(absurd, statements)):
         try:
             return DbcContent(_loaded(text), lines, flaws)
         except Exception:  # cantools raises whatever its parser meets
@@ -166,107 +113,13 @@ def _reason(error: Exception) -> str:
     return shown(" ".join(str(error).split()) or type(error).__name__)
 
 
-def _statements(text: str) -> Iterator[_Statement]:
-    """The statements: each begins with a word of its own at the beginning of a line."""
-    current: _Statement | None = None
-    message = _Statement("", 0, "")
-    listing = False  # the words under NS_
-    for number, line in enumerate(text.split("\n"), 1):
-        match = _BEGIN.match(line)
-        if match is None:
-            if current is None:
-                current = _Statement("", number, line) if line.strip() else None
-            else:
-                current.text += f"\n{line}"
-            continue
-        alone = not match[2].strip(" \t:;")
-        if alone and (listing or not message.kind or match[1] in _HEADINGS):
-            listing = match[1] != "BS_"
-            continue
-        listing = False
-        if current is not None:
-            yield current
-        current = _Statement(match[1], number, line)
-        if current.kind == "BO_":
-            found = _MESSAGE.match(line)
-            current.frame = _frame_id(found[1]) if found else None
-            current.message = found[2] if found else ""
-            message = current
-        elif current.kind == "SG_":
-            found = _SIGNAL.match(line)
-            current.frame, current.message = message.frame, message.message
-            current.signal = found[1] if found else ""
-        elif found := _REFERENCE.match(line):
-            current.frame = _frame_id(found[1])
-            current.signal = found[2] or ""
-        elif current.kind in _MEANING:
-            current.signal = next(iter(line.split()[2:3]), "")
-    if current is not None:
-        yield current
-
-
-def _frame_id(text: str) -> int | None:
-    return int(text) if text.isdecimal() and len(text) < 12 else None
-
-
-def _twice(
-    statements: Iterable[_Statement], lines: dict[tuple[str, str], int]
-) -> Iterator[DbcFlaw]:
-    """Messages and signals that are described twice; `lines` gets where each begins."""
-    frames: dict[int, _Statement] = {}
-    for one in statements:
-        if one.kind == "BO_" and one.frame is not None:
-            other = frames.setdefault(one.frame, one)
-            if other.message != one.message:
-                text = f"identifier {one.frame} is that of message {shown(other.message)} in line "
-                both = frozenset({one.message, other.message})
-                yield DbcFlaw(one.line, f"{text}{other.line}", both)
-        if one.kind not in {"BO_", "SG_"} or (one.kind == "SG_" and not one.signal):
-            continue
-        first = lines.setdefault((one.message, one.signal), one.line)
-        if first != one.line:
-            what = "signal" if one.signal else "message"
-            name = f"{one.message}.{one.signal}" if one.signal else one.message
-            text = f"{what} {shown(name)} is there twice, first in line {first}"
-            yield DbcFlaw(one.line, text, frozenset({one.message}), one.signal)
-
-
-def _absurd(statement: _Statement) -> str:
-    """What is wrong with the size of something; empty if nothing is."""
-    if statement.kind == "BO_":
-        number = statement.frame
-        if number is not None and _STANDARD < number <= _EXTENDED:
-            return (
-                f"identifier {number} has more than 11 bits; one of 29 bits is written with "
-                f"{_FLAG} added, as {number + _FLAG}"
-            )
-        for name, length in _LENGTH.findall(statement.text):
-            if _exceeds(length, _LONGEST):
-                return f"message {name} has {shown(length)[1:-1]} bytes, which no frame has"
-    if statement.kind == "SG_":
-        for name, *numbers in _BITS.findall(statement.text):
-            for bits in numbers:
-                if _exceeds(bits, 8 * _LONGEST):
-                    return f"signal {name} has {shown(bits)[1:-1]} bits or begins there"
-    if statement.kind == "SG_MUL_VAL_":
-        for low, high in _SELECTORS.findall(statement.text):
-            if _exceeds(high, 1 << 63) or int(high) - int(low) > 0xFFFF:
-                return f"too many values of a selector: {shown(f'{low}-{high}')}"
-    return ""
-
-
-def _exceeds(digits: str, limit: int) -> bool:
-    """Whether a number is above a limit; it may have more digits than Python converts."""
-    return len(digits.lstrip("0")) > len(str(limit)) or int(digits) > limit
-
-
 @dataclass
 class _Message:
     """The statements of one message that can be read."""
 
-    head: _Statement
-    signals: list[_Statement] = field(default_factory=list)
-    further: list[_Statement] = field(default_factory=list)
+    head: Statement
+    signals: list[Statement] = field(default_factory=list)
+    further: list[Statement] = field(default_factory=list)
 
     def text(self) -> str:
         return "\n".join(one.text for one in (self.head, *self.signals))
@@ -275,11 +128,11 @@ class _Message:
 class _Reader:
     """Sorts the statements that can be read from those that cannot, which become `flaws`."""
 
-    def __init__(self, statements: Iterable[_Statement]) -> None:
+    def __init__(self, statements: Iterable[Statement]) -> None:
         self.flaws: list[DbcFlaw] = []
-        self._defined: dict[str, list[_Statement]] = {}
+        self._defined: dict[str, list[Statement]] = {}
         self._messages: dict[int, _Message] = {}
-        self._others: list[_Statement] = []
+        self._others: list[Statement] = []
         statements = list(statements)
         self._names = {(one.frame, one.signal) for one in statements if one.kind == "SG_"}
         for one in statements:
@@ -291,7 +144,7 @@ class _Reader:
             if one.kind == "SG_":
                 self._add_signal(one)
         for one in statements:
-            if one.kind not in {*_DEFINITIONS, *_HEADINGS, "BO_", "SG_"}:
+            if one.kind not in {*_DEFINITIONS, *HEADINGS, "BO_", "SG_"}:
                 self._add(one)
 
     def clean(self) -> str:
@@ -307,17 +160,17 @@ class _Reader:
                 further += own
         return "\n".join([*parts, *further, *(one.text for one in self._others), ""])
 
-    def _define(self, one: _Statement) -> None:
+    def _define(self, one: Statement) -> None:
         name = _ATTRIBUTE.match(one.text)
         known = [text.text for text in self._defined.get(name[1] if name else "", ())]
         if self._reads(one, "\n".join(["BS_:", *known, one.text])):
             self._defined.setdefault(name[1] if name else "", []).append(one)
 
-    def _begin(self, one: _Statement) -> None:
+    def _begin(self, one: Statement) -> None:
         if self._reads(one, one.text) and one.frame is not None:
             self._messages.setdefault(one.frame, _Message(one))
 
-    def _add_signal(self, one: _Statement) -> None:
+    def _add_signal(self, one: Statement) -> None:
         message = None if one.frame is None else self._messages.get(one.frame)
         if message is None:
             text = f"signal {shown(one.signal)} belongs to no message that can be read"
@@ -328,7 +181,7 @@ class _Reader:
         ):
             message.signals.append(one)
 
-    def _add(self, one: _Statement) -> None:
+    def _add(self, one: Statement) -> None:
         """A statement about a message, or about the whole file."""
         message = None if one.frame is None else self._messages.get(one.frame)
         before = self._definition(one)
@@ -342,17 +195,17 @@ class _Reader:
         if self._reads(one, "\n".join(["BS_:", *before, one.text])):
             (self._others if message is None else message.further).append(one)
 
-    def _definition(self, one: _Statement) -> list[str]:
+    def _definition(self, one: Statement) -> list[str]:
         """The definition of the attribute that a statement sets."""
         name = _ATTRIBUTE.match(one.text) if one.kind == "BA_" else None
         return [known.text for known in self._defined.get(name[1], ())] if name else []
 
-    def _reads(self, one: _Statement, text: str) -> bool:
+    def _reads(self, one: Statement, text: str) -> bool:
         """Whether a statement can be read with what it refers to; else it becomes a flaw.
 
         What follows a statement in lines of their own is left out if it can be read without.
         """
-        reason = _absurd(one)
+        reason = absurd(one)
         if not reason:
             reason = _why_not(text)
             if reason and "\n" in one.text.strip():
@@ -369,8 +222,8 @@ class _Reader:
             self._flaw(one, one.line, reason)
         return not reason
 
-    def _flaw(self, one: _Statement, line: int, text: str) -> None:
-        matters = one.kind in _MEANING or (one.kind == "BA_" and _FRAME_FORMAT in one.text)
+    def _flaw(self, one: Statement, line: int, text: str) -> None:
+        matters = one.kind in MEANING or (one.kind == "BA_" and _FRAME_FORMAT in one.text)
         if matters:
             begins = one.kind in {"BO_", "SG_"}
             messages = frozenset({one.message}) if one.message else self._candidates(one)
@@ -378,7 +231,7 @@ class _Reader:
         else:
             self.flaws.append(DbcFlaw(line, text))
 
-    def _signal(self, one: _Statement) -> str:
+    def _signal(self, one: Statement) -> str:
         """The signal that a statement makes doubtful; empty if its name may be cut or misspelt.
 
         Labels of a signal that does not exist are ignored.
@@ -389,7 +242,7 @@ class _Reader:
         is_whole = one.text.rstrip().endswith(";")
         return one.signal if known or (one.kind == "VAL_" and is_whole) else ""
 
-    def _candidates(self, one: _Statement) -> frozenset[str]:
+    def _candidates(self, one: Statement) -> frozenset[str]:
         """The messages that a statement may be about if its identifier cannot be read."""
         if one.kind in {"BO_", "SG_"} or (one.frame is not None and one.signal):
             return frozenset()

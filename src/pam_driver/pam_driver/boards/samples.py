@@ -24,11 +24,6 @@ Miss = Callable[[str, float], None]
 class Samples:
     """What a device has measured.
 
-    Parameters
-    ----------
-    wired : WiredBoard
-        Its muscles and joints.
-
     Attributes
     ----------
     pressures, angles : dict of channel to Sample

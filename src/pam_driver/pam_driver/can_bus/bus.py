@@ -119,13 +119,7 @@ class CanPort:
         return BusState.BUS_OFF if self._was_off else self._controller
 
     def receive_all(self, now: float) -> list[ReceivedFrame]:
-        """All frames that have arrived, oldest first; never waits for one.
-
-        Parameters
-        ----------
-        now : float
-            Monotonic time [s].
-        """
+        """All frames that have arrived, oldest first; never waits for one."""
         if self._gone:
             self._reopen(now)
         bus = self._bus

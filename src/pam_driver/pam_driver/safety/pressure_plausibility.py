@@ -55,24 +55,12 @@ _TORQUE_EVERY: Final = 5  # updates of the gas per update of the torques
 
 
 class Deviation(NamedTuple):
-    """How far a measurement deviates from its expected value.
+    """How far a measurement deviates from its expected value."""
 
-    Attributes
-    ----------
-    kind : str
-        "pressure_implausible" or "torque_implausible".
-    subject : str
-        Muscle or joint.
-    size : float
-        Ratio of the deviation to the limit in the rig file; 1 and above is a fault.
-    text : str
-        One line for the user.
-    """
-
-    kind: str
-    subject: str
-    size: float
-    text: str
+    kind: str  # "pressure_implausible" or "torque_implausible"
+    subject: str  # muscle or joint
+    size: float  # ratio of the deviation to the limit in the rig file; 1 and above is a fault
+    text: str  # one line for the user
 
 
 class _MuscleObserver:

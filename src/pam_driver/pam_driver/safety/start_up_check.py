@@ -78,25 +78,14 @@ _LEAST_SETTLING: Final = 10.0  # s, that the settling may take; more for large m
 
 @dataclass(frozen=True, slots=True)
 class Pulse:
-    """The test pulse of one muscle.
+    """The test pulse of one muscle."""
 
-    Attributes
-    ----------
-    pressure : float
-        Pressure at which it ends [Pa gauge].
-    ramp : float
-        How fast a flow valve is opened [1/s]; 0 for a pressure regulator.
-    rise, fall : float
-        Time limits for filling and emptying [s].
-    free : bool
-        Whether neither gravity nor inertia holds the joint back.
-    """
-
-    pressure: float
-    ramp: float
+    pressure: float  # pressure at which it ends [Pa gauge]
+    ramp: float  # how fast a flow valve is opened [1/s]; 0 for a pressure regulator
+    # rise, fall: time limits for filling and emptying [s]
     rise: float
     fall: float
-    free: bool
+    free: bool  # whether neither gravity nor inertia holds the joint back
 
 
 class _Phase(Enum):
@@ -141,13 +130,7 @@ class StartUpCheck:
         return self._phase is _Phase.DONE
 
     def start(self, now: float) -> None:
-        """Begin with the first muscle.
-
-        Parameters
-        ----------
-        now : float
-            Monotonic time [s].
-        """
+        """Begin with the first muscle."""
         self.findings: tuple[Condition, ...] = ()
         self._muscle = self._pauses = 0
         self._cycle_at = now

@@ -51,31 +51,17 @@ class SafetyEvent(Enum):
 
 
 class SafetyOutput(NamedTuple):
-    """What the driver sends to the boards in a state.
+    """What the driver sends to the boards in a state."""
 
-    Attributes
-    ----------
-    send : bool
-        Whether each board receives a valve command in each cycle.
-    enable : bool
-        Whether the valves follow the commands, so that air may enter a muscle.
-    lower : bool
-        Whether the driver itself lowers the joints: the enable bits are set, but no set point lets
-        air into a muscle.
-    vent_on_entry : bool
-        Whether each board receives the board command `vent` when the state is entered.
-    latch : bool
-        Whether each board that can keep a fault of the driver is asked to keep it.
-    meaning : str
-        One line for the documentation.
-    """
-
-    send: bool
-    enable: bool
+    send: bool  # whether each board receives a valve command in each cycle
+    enable: bool  # whether the valves follow the commands, so that air may enter a muscle
+    # whether the driver itself lowers the joints: the enable bits are set, but no set point lets
+    # air into a muscle
     lower: bool
+    # whether each board receives the board command `vent` when the state is entered
     vent_on_entry: bool
-    latch: bool
-    meaning: str
+    latch: bool  # whether each board that can keep a fault of the driver is asked to keep it
+    meaning: str  # one line for the documentation
 
 
 _S = SafetyState
@@ -191,6 +177,8 @@ TRANSITIONS: Final[Mapping[SafetyState, Mapping[SafetyEvent, SafetyState]]] = {
 
 FAULTY: Final = frozenset({_S.FAULT, _S.FAULT_LOWERING})
 """States in which a fault is latched."""
+MOVING: Final = frozenset({_S.CHECKING, _S.READY, _S.ACTIVE})
+"""States of an active driver."""
 
 
 LAMPS: Final[Mapping[SafetyState, str]] = {

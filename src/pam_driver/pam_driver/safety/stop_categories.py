@@ -31,21 +31,11 @@ the elbow at its default stiffness.
 
 
 class StopCategory(NamedTuple):
-    """The stop category of a kind of condition.
+    """The stop category of a kind of condition."""
 
-    Attributes
-    ----------
-    number : int
-        0 or 1.
-    reason : str
-        Why.
-    longest : float
-        Longest time for lowering, in addition to `lowering_timeout` [s].
-    """
-
-    number: int
-    reason: str
-    longest: float = math.inf
+    number: int  # 0 or 1
+    reason: str  # why
+    longest: float = math.inf  # longest time for lowering, in addition to `lowering_timeout` [s]
 
 
 _BUS = "commands and measurements no longer arrive reliably"

@@ -36,26 +36,15 @@ class CommandRefusedError(PamError):
 
 
 class NamedCommand(NamedTuple):
-    """A valve command as received in a JointState.
+    """A valve command as received in a JointState."""
 
-    Attributes
-    ----------
-    names : sequence of str
-        Every muscle of the rig once, in any order.
-    position, velocity, effort : sequence of float
-        The fields of the message, see `pam_ros.valve_command`.
-    age : float
-        Time since the command was computed [s].
-    source : str
-        Who computed it; empty if the publisher does not say.
-    """
-
-    names: Sequence[str]
+    names: Sequence[str]  # every muscle of the rig once, in any order
+    # position, velocity, effort: the fields of the message, see `pam_ros.valve_command`
     position: Sequence[float] = ()
     velocity: Sequence[float] = ()
     effort: Sequence[float] = ()
-    age: float = 0.0
-    source: str = ""
+    age: float = 0.0  # time since the command was computed [s]
+    source: str = ""  # who computed it; empty if the publisher does not say
 
 
 class ValveCommandIntake:
@@ -106,13 +95,6 @@ class ValveCommandIntake:
 
     def take(self, command: NamedCommand, now: float) -> tuple[float, ...]:
         """Fractions of full scale by muscle.
-
-        Parameters
-        ----------
-        command : NamedCommand
-            The command as received.
-        now : float
-            Monotonic time [s].
 
         Raises
         ------

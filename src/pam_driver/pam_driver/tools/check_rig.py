@@ -103,7 +103,7 @@ def check_rig(rig: Rig, only: Bus, rate: float, dbc: str = "") -> RigCheck:
             for (what, channel), values in board.invalid_values().items():
                 called = f"{board.name}, {what} {channel}".rstrip()
                 found.invalid_values[called] = {name: raw for raw, name in values.items()}
-    found.cautions = [*wiring.doubts, *_overfilled(rig), *_too_heavy(robot)]
+    found.cautions = [*wiring.doubts, *_overfilled(rig), *_weak_supply(rig), *_too_heavy(robot)]
     return found
 
 
@@ -117,6 +117,27 @@ def _overfilled(rig: Rig) -> Iterator[str]:
             f"{', '.join(muscle.name for muscle in weaker)} (from {least:.0f} Pa): a valve that "
             "sticks open fills its muscle up to the supply, and no software can prevent it; lower "
             "the supply, or fit a relief valve"
+        )
+
+
+def _weak_supply(rig: Rig) -> Iterator[str]:
+    """Whether the supply gives less than other keys count on, and would not if it were gauge."""
+    supply = rig.supply_gauge_pressure
+    beyond = [
+        (value, f"{muscle.name}.{key}")
+        for muscle in rig.muscles
+        for key, value in (
+            ("max_pressure", muscle.max_pressure),
+            ("valve.full_scale", muscle.valve.full_scale),
+        )
+        if value is not None and supply + 1.0 < value <= rig.supply_pressure
+    ]
+    if beyond:
+        yield (
+            f"the supply of {supply:.0f} Pa gauge is below {', '.join(key for _, key in beyond)} "
+            f"(up to {max(beyond)[0]:.0f} Pa gauge), which is then never reached; supply_pressure "
+            f"is absolute: if {rig.supply_pressure:.0f} Pa are what a gauge shows, write "
+            f"{rig.supply_pressure + rig.gas.ambient_pressure:.0f}"
         )
 
 

@@ -26,27 +26,15 @@ _CANOPEN_STATES: Final = {0: "boot-up", 4: "stopped", 5: "operational", 127: "pr
 
 @dataclass
 class FrameRecord:
-    """The frames of one identifier.
+    """The frames of one identifier."""
 
-    Attributes
-    ----------
-    frame_id : int
-        With the flags of `identifiers`.
-    count : int
-        Frames that were received.
-    first, last : float
-        Stamps of the first and last one [s].
-    data : bytes
-        The last payload.
-    changing : set of int
-        Bytes that have differed between two frames; a changed length counts as the last byte.
-    """
-
-    frame_id: int
-    count: int
+    frame_id: int  # with the flags of `identifiers`
+    count: int  # frames that were received
+    # first, last: stamps of the first and last one [s]
     first: float
     last: float
-    data: bytes
+    data: bytes  # the last payload
+    # bytes that have differed between two frames; a changed length counts as the last byte
     changing: set[int]
 
     def add(self, frame: ReceivedFrame) -> None:

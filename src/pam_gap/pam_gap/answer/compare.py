@@ -42,21 +42,11 @@ class Answer:
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """Whether a value of a later diagnosis differs from that of the first.
+    """Whether a value of a later diagnosis differs from that of the first."""
 
-    Attributes
-    ----------
-    z : float
-        Difference in standard deviations; NaN where it is unknown.
-    sure : bool
-        Whether it is more than noise.
-    words : str
-        The same, as text.
-    """
-
-    z: float
-    sure: bool
-    words: str
+    z: float  # difference in standard deviations; NaN where it is unknown
+    sure: bool  # whether it is more than noise
+    words: str  # the same, as text
 
 
 @dataclass(frozen=True, slots=True)

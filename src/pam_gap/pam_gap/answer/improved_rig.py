@@ -8,7 +8,7 @@ from typing import Any
 
 from pam_gap.inference.hypothesis import Hypothesis
 from pam_model.effects import EFFECTS
-from pam_model.plant.layout import MUSCLES
+from pam_model.plant.joint_muscles import SIDES
 from pam_model.plant.parameters import RIG_PLACES, RigPlace
 from pam_model.rig import Joint, Muscle, Rig, Valve
 
@@ -37,7 +37,7 @@ def with_number(rig: Rig, joint: str, name: str, value: float, is_factor: bool =
     if place.section == "joint":
         return rig.with_joint(_changed(owner, place.key, value, is_factor))
     if place.side:
-        muscle = rig.muscle(owner.muscles[MUSCLES.index(place.side)])
+        muscle = rig.muscle(owner.muscles[SIDES.index(place.side)])
         if place.section == "valve":
             valve = _changed(muscle.valve, place.key, value, is_factor)
             return rig.with_muscle(replace(muscle, valve=valve))
@@ -48,7 +48,7 @@ def with_number(rig: Rig, joint: str, name: str, value: float, is_factor: bool =
 def _with_effect(rig: Rig, owner: Joint, place: RigPlace, value: float) -> Rig:
     values = {place.key: value}
     if place.side:
-        muscle = rig.muscle(owner.muscles[MUSCLES.index(place.side)])
+        muscle = rig.muscle(owner.muscles[SIDES.index(place.side)])
         return rig.with_muscle(
             replace(muscle, effects=_merged(muscle.effects, place.effect, values))
         )

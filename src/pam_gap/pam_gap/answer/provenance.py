@@ -33,27 +33,13 @@ class SourceFile:
 
 @dataclass(frozen=True, slots=True)
 class Provenance:
-    """What an answer was made from.
+    """What an answer was made from."""
 
-    Attributes
-    ----------
-    rig : SourceFile
-        The rig file.
-    recordings : tuple of SourceFile
-        The recordings.
-    command : str
-        The command line; empty for a call from a script.
-    versions : tuple of (str, str)
-        Programs and their versions.
-    date : str
-        Time of the answer, UTC, ISO 8601.
-    """
-
-    rig: SourceFile
-    recordings: tuple[SourceFile, ...]
-    command: str
-    versions: tuple[tuple[str, str], ...]
-    date: str
+    rig: SourceFile  # the rig file
+    recordings: tuple[SourceFile, ...]  # the recordings
+    command: str  # the command line; empty for a call from a script
+    versions: tuple[tuple[str, str], ...]  # programs and their versions
+    date: str  # time of the answer, UTC, ISO 8601
 
     def to_json(self) -> dict[str, Any]:
         """The mapping that diagnosis.json holds."""

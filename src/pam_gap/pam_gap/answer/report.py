@@ -273,13 +273,7 @@ def _origin(found: Mapping[str, Any] | None) -> list[tuple[str, str]]:
 
 
 def render(data: ReportData) -> str:
-    """Return the page as text.
-
-    Parameters
-    ----------
-    data : ReportData
-        The content of the page.
-    """
+    """Return the page as text."""
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
     environment.filters["spoken"] = spoken
     diagnosis = dict(data.diagnosis)

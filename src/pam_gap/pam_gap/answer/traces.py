@@ -66,18 +66,10 @@ class Trace:
 
 @dataclass(frozen=True, slots=True)
 class Drawn:
-    """Interactive figures as parts of a page.
+    """Interactive figures as parts of a page."""
 
-    Attributes
-    ----------
-    script : str
-        What the page needs in its head and at its end, as HTML.
-    parts : tuple of str
-        One HTML element for each figure.
-    """
-
-    script: str
-    parts: tuple[str, ...]
+    script: str  # what the page needs in its head and at its end, as HTML
+    parts: tuple[str, ...]  # one HTML element for each figure
 
 
 def thinned(time: Array, values: Array, points: int = MAX_POINTS) -> tuple[Array, Array]:

@@ -40,19 +40,7 @@ ON_A_BENCH = (
 
 
 class AnswerForm:
-    """Fills in the answer about one joint.
-
-    Parameters
-    ----------
-    fitter : HypothesisFitter
-        The fitter of the diagnosis.
-    folds : Folds
-        The folds on which hypotheses were scored.
-    evidence : Evidence
-        What the search found.
-    verdict : Verdict
-        What it says.
-    """
+    """Fills in the answer about one joint."""
 
     def __init__(
         self,
@@ -77,11 +65,6 @@ class AnswerForm:
 
         The improved rig file, and what it closes, are those of the fit that a rig file can hold
         (`Evidence.improved`).
-
-        Parameters
-        ----------
-        location : Location
-            Where the gap arises.
         """
         evidence, verdict, decision = self.evidence, self.verdict, self.verdict.decision
         named, shown = verdict.named, evidence.improved

@@ -24,7 +24,6 @@ from pam_gap.calibration.free_numbers import (
     free_numbers,
 )
 from pam_gap.calibration.staged_fit import FitStage, fit_stage, fit_together
-from pam_gap.inference.search import Progress, silent
 from pam_gap.prediction.bench_joint import (
     ALONG_BOTH,
     ALONG_LENGTH,
@@ -40,6 +39,7 @@ from pam_gap.prediction.gap_figures import GapFigure, noise_level
 from pam_gap.prediction.identifiable import counted_seconds
 from pam_gap.prediction.problem import PredictionProblem
 from pam_gap.recordings.recording import Recording
+from pam_gap.search.candidate_search import Progress, silent
 from pam_model.plant.parameters import INDEX, NAMES
 from pam_model.rig.partial import PartialRig
 

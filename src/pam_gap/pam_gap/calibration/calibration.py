@@ -29,7 +29,6 @@ from pam_gap.calibration.staged_fit import (
 from pam_gap.diagnose_recordings import usable_parts
 from pam_gap.inference.held_out import make_folds
 from pam_gap.inference.hypothesis import Hypothesis
-from pam_gap.inference.search import Progress, silent
 from pam_gap.prediction.directions import Direction, valve_phase
 from pam_gap.prediction.fit import Array
 from pam_gap.prediction.gap_figures import GapFigure, gap_figures
@@ -38,6 +37,7 @@ from pam_gap.prediction.materiality import squared_motion
 from pam_gap.prediction.problem import PredictionProblem, PredictionSettings
 from pam_gap.prediction.wrong_wiring import CABLES, wrong_wiring
 from pam_gap.recordings.recording import Recording
+from pam_gap.search.candidate_search import Progress, silent
 from pam_model.rig import Rig
 from pam_model.rig.partial import PartialRig
 

@@ -14,7 +14,7 @@ from pam_gap.calibration.calibration_rules import CalibrationRules
 from pam_gap.inference.candidates import Nuisance, ordinary_sizes, rig_scales
 from pam_gap.prediction.fit import FreeParameter
 from pam_model.effects import EFFECTS
-from pam_model.plant.layout import MUSCLES as SIDES
+from pam_model.plant.joint_muscles import SIDES
 from pam_model.plant.parameters import RIG_PLACES, UNITS, bounds_of
 from pam_model.rig import Joint, Rig
 from pam_model.rig.partial import PartialRig

@@ -16,7 +16,7 @@ from pam_gap.answer.improved_rig import with_number
 from pam_gap.calibration.free_numbers import STATICS, FreeRigNumber
 from pam_gap.prediction.fit import Array
 from pam_model.errors import PamError
-from pam_model.joints.antagonistic_joint import AntagonisticJoint
+from pam_model.joints.joint_statics import JointStatics
 from pam_model.rig import Rig
 
 GROWING = (
@@ -44,8 +44,8 @@ def torque_per_pressure(rig: Rig, joint: str) -> float:
     PamError
         If position 0 is outside the model of a muscle.
     """
-    model = AntagonisticJoint.from_rig(rig, joint)
-    difference = model.torque(PRESSURE, 0.0, 0.0) - model.torque(0.0, PRESSURE, 0.0)
+    model = JointStatics.from_rig(rig, joint)
+    difference = model.torque((PRESSURE, 0.0), 0.0) - model.torque((0.0, PRESSURE), 0.0)
     return difference / (2.0 * PRESSURE)
 
 

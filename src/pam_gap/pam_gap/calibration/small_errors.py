@@ -18,7 +18,7 @@ from pam_gap.prediction.channels import Channels
 from pam_gap.prediction.fit import Array, FreeParameter
 from pam_gap.prediction.linear_terms import LinearTerms
 from pam_gap.prediction.problem import PredictionProblem
-from pam_model.plant.layout import MUSCLES
+from pam_model.plant.joint_muscles import SIDES
 from pam_model.plant.parameters import INDEX
 
 USUAL, SPREAD, MOST = 0.75, 0.3, 1.5
@@ -96,8 +96,8 @@ def small_errors(
         )
     lanes = np.repeat(vector[None], len(CREEP_TIMES), axis=0)
     for lane, time in zip(lanes, CREEP_TIMES, strict=True):
-        lane[[INDEX[f"{side}.creep.ratio"] for side in MUSCLES]] += CREEP_RATIO
-        lane[[INDEX[f"{side}.creep.time_constant"] for side in MUSCLES]] = time
+        lane[[INDEX[f"{side}.creep.ratio"] for side in SIDES]] += CREEP_RATIO
+        lane[[INDEX[f"{side}.creep.time_constant"] for side in SIDES]] = time
     changes += list(played.errors(lanes) - base)
     free += [FreeParameter("creep", 0.0, 3.0, 0.3, 0.6, 1.0)] * len(CREEP_TIMES)
     for part in sensor_parts(played):

@@ -33,7 +33,7 @@ from pam_gap.prediction.gap_figures import noise_level
 from pam_gap.prediction.problem import PredictionProblem, PredictionSettings
 from pam_gap.recordings.recording import LOCKED, SHUT, TURNED_OVER
 from pam_model.identify.joint_regression import MotionRecord, body_regression, valve_regression
-from pam_model.plant.layout import MUSCLES as SIDES
+from pam_model.plant.joint_muscles import SIDES
 from pam_model.plant.parameters import INDEX, NAMES
 from pam_model.rig.partial import PartialRig
 

@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pam_gap.recordings.recording import LOCKED, TURNED_OVER
-from pam_model.joints.antagonistic_joint import AntagonisticJoint
+from pam_model.joints.joint_statics import JointStatics
 from pam_model.rig import Rig
 from pam_model.robot import compose
 from pam_model.views.gravity import gravity_torque
@@ -35,40 +35,23 @@ LOWEST = 0.03  # of the highest pressure: lower limit of a reference
 
 @dataclass(frozen=True, slots=True)
 class Excitation:
-    """One entry of the menu, sampled for one rig.
+    """One entry of the menu, sampled for one rig."""
 
-    Attributes
-    ----------
-    name : str
-        Identifier.
-    instruction : str
-        Instruction for people.
-    time : ndarray, shape (n,)
-        Time from 0 [s].
-    position : ndarray, shape (n,)
-        Reference [rad].
-    level, difference : ndarray, shape (n,)
-        Mean and half the difference of the pressure references [Pa gauge], agonist first.
-    position_gain : float
-        Gain from the position error to `difference` [Pa/rad]; 0 without feedback of the position.
-    open_from : float
-        Time from which `open_commands` replace the pressure loop [s]; infinite for never.
-    open_commands : tuple of float
-        Commands of the agonist's and the antagonist's valve.
-    mounting : str
-        Empty, `recording.TURNED_OVER` or `recording.LOCKED`.
-    """
-
-    name: str
-    instruction: str
-    time: Array
-    position: Array
+    name: str  # identifier
+    instruction: str  # instruction for people
+    time: Array  # shape (n,): time from 0 [s]
+    position: Array  # shape (n,): reference [rad]
+    # level, difference: shape (n,): mean and half the difference of the pressure references [Pa
+    # gauge], agonist first
     level: Array
     difference: Array
+    # gain from the position error to `difference` [Pa/rad]; 0 without feedback of the position
     position_gain: float
+    # time from which `open_commands` replace the pressure loop [s]; infinite for never
     open_from: float = math.inf
+    # commands of the agonist's and the antagonist's valve
     open_commands: tuple[float, float] = (0.0, 0.0)
-    mounting: str = ""
+    mounting: str = ""  # empty, `recording.TURNED_OVER` or `recording.LOCKED`
 
     @property
     def sample_time(self) -> float:
@@ -131,11 +114,9 @@ class Menu:
         self.rig = rig
         robot = compose(rig)
         self.entry = robot.joints[joint]
-        self.statics = AntagonisticJoint.from_robot(robot, self.entry)
+        self.statics = JointStatics.from_robot(robot, self.entry)
         self.sample_time = sample_time
-        self.highest = min(
-            self.statics.agonist.high_pressure, self.statics.antagonist.high_pressure
-        )
+        self.highest = min(muscle.high_pressure for muscle in self.statics.muscles)
         low, high = self.entry.position_limits
         inside = self.statics.position_range
         self.reach = 0.8 * min(-low, -inside[0], high, inside[1])
@@ -157,8 +138,8 @@ class Menu:
         for i, k in enumerate(at.tolist()):
             q, p = float(position[k]), float(level[k])
             gravity = -gravity_torque(self.entry, q - turn)
-            above = self.statics.torque(p + probe, p - probe, q)
-            below = self.statics.torque(p - probe, p + probe, q)
+            above = self.statics.torque((p + probe, p - probe), q)
+            below = self.statics.torque((p - probe, p + probe), q)
             slope = (above - below) / (2.0 * probe)
             solved[i] = (gravity - 0.5 * (above + below)) / slope if slope > 0.0 else 0.0
         room = np.minimum(

@@ -19,7 +19,7 @@ import pandas as pd
 import yaml
 
 from pam_gap.experiments.excitations import Excitation
-from pam_model.joints.antagonistic_joint import AntagonisticJoint
+from pam_model.joints.joint_statics import JointStatics
 from pam_model.reading import read_text, reading
 from pam_model.rig import Rig
 
@@ -57,13 +57,13 @@ def trajectory_message(joint: str, excitation: Excitation) -> dict[str, Any]:
 def commands_table(rig: Rig, joint: int, excitation: Excitation) -> pd.DataFrame:
     """Time, position, stiffness, pressures and valve commands at the excitation's rate."""
     entry = rig.joints[joint]
-    statics = AntagonisticJoint.from_rig(rig, entry.name)
+    statics = JointStatics.from_rig(rig, entry.name)
     first = excitation.level + excitation.difference
     second = excitation.level - excitation.difference
     every = max(1, round(1.0 / (POINTS_RATE * excitation.sample_time)))
     at = np.unique(np.append(np.arange(0, first.size, every), first.size - 1))
     stiffness = [
-        statics.stiffness(max(float(first[k]), 0.0), max(float(second[k]), 0.0),
+        statics.stiffness((max(float(first[k]), 0.0), max(float(second[k]), 0.0)),
                           float(excitation.position[k]))
         for k in at.tolist()
     ]  # fmt: skip

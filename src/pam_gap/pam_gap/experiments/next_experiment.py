@@ -71,7 +71,7 @@ class Separation:
 
 
 def simulate_excitation(
-    problem: PredictionProblem, values: Array, excitation: Excitation, seed: int = 0
+    problem: PredictionProblem, values: Array, excitation: Excitation
 ) -> Recording:
     """The recording that a plant would give under an excitation, with the noise of the channels.
 
@@ -83,8 +83,6 @@ def simulate_excitation(
         Parameters of the plant.
     excitation : Excitation
         The excitation.
-    seed : int
-        Seed of the noise.
     """
     mounted = as_mounted(values[None], excitation.mounting)[0]
     parameters = replace(problem.base, values=mounted)
@@ -96,7 +94,7 @@ def simulate_excitation(
     dt = excitation.sample_time
     count = excitation.time.size
     measured, commands = np.zeros((count, N_CHANNELS)), np.zeros((count, 2))
-    seen: tuple[float, float, float] = (0.0, *pressures)
+    seen: tuple[float, ...] = (0.0, *pressures)
     for k, time in enumerate(excitation.time.tolist()):
         output = plant.output
         position, agonist, antagonist = seen
@@ -107,7 +105,7 @@ def simulate_excitation(
         seen = plant.step(sent, dt)
     template = problem.data[0]
     noise = np.nan_to_num(np.mean([d.deviation for d in problem.data], axis=0))
-    measured += noise * np.random.default_rng(seed).standard_normal(measured.shape)
+    measured += noise * np.random.default_rng(0).standard_normal(measured.shape)
     values_by_name = {
         name: measured[:, c] for c, name in enumerate(problem.names) if problem.recorded[c]
     }
@@ -242,18 +240,10 @@ class ExperimentPlanner:
 
 @dataclass(frozen=True, slots=True)
 class Proposal:
-    """The proposed experiment, and how the rest of the menu compares with it.
+    """The proposed experiment, and how the rest of the menu compares with it."""
 
-    Attributes
-    ----------
-    problem : PredictionProblem
-        The rig and recordings that it is proposed for.
-    ranking : tuple of Separation
-        The whole menu, best first.
-    """
-
-    problem: PredictionProblem
-    ranking: tuple[Separation, ...]
+    problem: PredictionProblem  # the rig and recordings that it is proposed for
+    ranking: tuple[Separation, ...]  # the whole menu, best first
 
     @property
     def best(self) -> Separation:

@@ -78,31 +78,16 @@ class Change:
 
 @dataclass(frozen=True, slots=True)
 class SeriesModel:
-    """The model of a series.
+    """The model of a series."""
 
-    Attributes
-    ----------
-    changes : tuple of Change
-        By date.
-    curve : ndarray, shape (n,)
-        Values of the model at the times of the series.
-    spread : float
-        Standard deviation by which recordings differ in addition to their intervals, where the
-        effect is largest.
-    last : float
-        Value of the model at the last time.
-    rate : float
-        Slope of the model at the last time, per second.
-    enough : bool
-        Whether there were enough values to look for changes.
-    """
-
-    changes: tuple[Change, ...]
-    curve: Array
+    changes: tuple[Change, ...]  # by date
+    curve: Array  # shape (n,): values of the model at the times of the series
+    # standard deviation by which recordings differ in addition to their intervals, where the effect
+    # is largest
     spread: float
-    last: float
-    rate: float
-    enough: bool = True
+    last: float  # value of the model at the last time
+    rate: float  # slope of the model at the last time, per second
+    enough: bool = True  # whether there were enough values to look for changes
 
 
 @dataclass(frozen=True, slots=True)

@@ -33,24 +33,12 @@ DONE = "done.json"
 
 @dataclass(frozen=True, slots=True)
 class DiagnosisTask:
-    """A job with all that a worker needs.
+    """A job with all that a worker needs."""
 
-    Attributes
-    ----------
-    job : Job
-        The recording.
-    folder : Path
-        Where the results of this recording are kept; absolute.
-    rules : Rules
-        Hand-set constants.
-    map_path : Path or None
-        Map file for tables with other names or units.
-    """
-
-    job: Job
-    folder: Path
-    rules: Rules = DEFAULT
-    map_path: Path | None = None
+    job: Job  # the recording
+    folder: Path  # where the results of this recording are kept; absolute
+    rules: Rules = DEFAULT  # hand-set constants
+    map_path: Path | None = None  # map file for tables with other names or units
 
 
 def folder_name(name: str) -> str:

@@ -32,42 +32,24 @@ DOCUMENT, PAGE, RESULTS = "fleet.json", "fleet.html", "recordings"
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """What is analysed, and how.
+    """What is analysed, and how."""
 
-    Attributes
-    ----------
-    folder, out : Path
-        Folder of the recordings, and for the results.
-    rig, table : Path or None
-        Rig file of all recordings, or table that names the rig of each; one of them.
-    workers : int
-        Processes of the local cluster.
-    scheduler : str
-        Address of an existing Dask scheduler; empty for a local cluster.
-    limits : mapping
-        "effect.parameter" -> value that counts as too much.
-    rules : Rules
-        Hand-set constants.
-    map_path : Path or None
-        Map file for tables with other names or units.
-    full_every : float
-        Days of each period in which one recording of each robot is diagnosed in full, while the
-        others are only fitted with the effects that are followed; 0 diagnoses all in full.
-    show_progress : bool
-        Show a progress bar where standard error is a terminal.
-    """
-
+    # folder, out: folder of the recordings, and for the results
     folder: Path
     out: Path
+    # rig, table: rig file of all recordings, or table that names the rig of each; one of them
     rig: Path | None = None
     table: Path | None = None
-    workers: int = 1
-    scheduler: str = ""
+    workers: int = 1  # processes of the local cluster
+    scheduler: str = ""  # address of an existing Dask scheduler; empty for a local cluster
+    # "effect.parameter" -> value that counts as too much
     limits: Mapping[str, float] = field(default_factory=dict)
-    rules: Rules = DEFAULT
-    map_path: Path | None = None
+    rules: Rules = DEFAULT  # hand-set constants
+    map_path: Path | None = None  # map file for tables with other names or units
+    # days of each period in which one recording of each robot is diagnosed in full, while the
+    # others are only fitted with the effects that are followed; 0 diagnoses all in full
     full_every: float = 0.0
-    show_progress: bool = False
+    show_progress: bool = False  # show a progress bar where standard error is a terminal
 
 
 def _jobs(settings: Settings) -> list[Job]:

@@ -24,25 +24,15 @@ COLUMNS = ("recording", "rig", "robot", "time")
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """One recording to be diagnosed.
+    """One recording to be diagnosed."""
 
-    Attributes
-    ----------
-    name : str
-        Path of the recording in the folder of the fleet.
-    recording, rig : Path
-        The recording and its rig file; absolute, so that every worker finds them.
-    robot : str
-        The robot whose joints are tracked over time; recordings of one robot have the same.
-    stated_time : float or None
-        Unix time that the table of rigs states [s].
-    """
-
-    name: str
+    name: str  # path of the recording in the folder of the fleet
+    # recording, rig: the recording and its rig file; absolute, so that every worker finds them
     recording: Path
     rig: Path
+    # the robot whose joints are tracked over time; recordings of one robot have the same
     robot: str
-    stated_time: float | None = None
+    stated_time: float | None = None  # unix time that the table of rigs states [s]
 
 
 def find_recordings(folder: Path, without: Sequence[Path] = ()) -> list[Path]:

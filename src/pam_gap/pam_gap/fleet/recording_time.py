@@ -22,18 +22,10 @@ STAMPS, TABLE, FILE = "stamps", "table", "file"
 
 @dataclass(frozen=True, slots=True)
 class RecordingTime:
-    """When a recording was made.
+    """When a recording was made."""
 
-    Attributes
-    ----------
-    seconds : float
-        Unix time [s].
-    source : str
-        `STAMPS`, `TABLE` or `FILE`.
-    """
-
-    seconds: float
-    source: str
+    seconds: float  # unix time [s]
+    source: str  # `STAMPS`, `TABLE` or `FILE`
 
 
 def read_date(text: str, where: str) -> float:

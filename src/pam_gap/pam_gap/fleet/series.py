@@ -31,28 +31,17 @@ class Point:
 
 @dataclass(frozen=True, slots=True)
 class ParameterSeries:
-    """A parameter over time.
+    """A parameter over time."""
 
-    Attributes
-    ----------
-    robot, joint, effect, parameter, unit : str
-        Which one.
-    points : tuple of Point
-        By time.
-    course : SeriesModel
-        Its changes.
-    limit : float or None
-        Value that a user has named as too much.
-    """
-
+    # robot, joint, effect, parameter, unit: which one
     robot: str
     joint: str
     effect: str
     parameter: str
     unit: str
-    points: tuple[Point, ...]
-    course: SeriesModel
-    limit: float | None = None
+    points: tuple[Point, ...]  # by time
+    course: SeriesModel  # its changes
+    limit: float | None = None  # value that a user has named as too much
 
     @property
     def name(self) -> str:

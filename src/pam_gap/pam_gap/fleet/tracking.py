@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 
 from pam_gap.diagnose_recordings import joints_to_diagnose, usable_parts
-from pam_gap.diagnosis_engine import JointDiagnosis
+from pam_gap.diagnosis_engine import DiagnosisOptions, JointDiagnosis
 from pam_gap.inference.candidates import Candidate, candidates_for
 from pam_gap.inference.confidence import parameter_intervals
-from pam_gap.inference.search import level
+from pam_gap.inference.score import level
 from pam_gap.inference.selection import NESTED
 from pam_gap.prediction.identifiable import what_is_missing
 from pam_gap.recordings.column_map import load_column_map
@@ -36,31 +36,18 @@ RULES = DEFAULT.fleet
 
 @dataclass(frozen=True, slots=True)
 class TrackTask:
-    """One joint of one recording, and the effects to fit.
+    """One joint of one recording, and the effects to fit."""
 
-    Attributes
-    ----------
-    recording, rig : Path
-        The recording and its rig file.
-    joint : str
-        Name of the joint.
-    labels : tuple of str
-        Labels of the candidates, such as "leakage" or "pressure_bias (agonist)".
-    starts : tuple of mapping
-        For each candidate, parameter -> value at which the fit may start; from the diagnoses.
-    rules : Rules
-        Hand-set constants.
-    map_path : Path or None
-        Map file for tables with other names or units.
-    """
-
+    # recording, rig: the recording and its rig file
     recording: Path
     rig: Path
-    joint: str
+    joint: str  # name of the joint
+    # labels of the candidates, such as "leakage" or "pressure_bias (agonist)"
     labels: tuple[str, ...]
+    # for each candidate, parameter -> value at which the fit may start; from the diagnoses
     starts: tuple[Mapping[str, float], ...]
-    rules: Rules = DEFAULT
-    map_path: Path | None = None
+    rules: Rules = DEFAULT  # hand-set constants
+    map_path: Path | None = None  # map file for tables with other names or units
 
 
 def labels_found(answer: Mapping[str, Any]) -> tuple[str, ...]:
@@ -152,7 +139,7 @@ def follow(task: TrackTask) -> list[dict[str, Any]]:
     read = without_computed(raw, rig, rules.recording)
     number = joints_to_diagnose(rig, [read], task.joint)[0]
     clean = usable_parts(rig, number, [read], rules.recording)
-    engine = JointDiagnosis(rig, number, clean, rules=rules, threads=1)
+    engine = JointDiagnosis(rig, number, clean, DiagnosisOptions(threads=1, rules=rules))
     missing = what_is_missing(engine.problem)
     if missing:
         raise PamError(" ".join(missing))

@@ -24,21 +24,11 @@ WAIT = 30  # s for an existing scheduler
 
 @dataclass(frozen=True, slots=True)
 class Ended:
-    """The end of one job.
+    """The end of one job."""
 
-    Attributes
-    ----------
-    number : int
-        Place of the job in the sequence.
-    result : object
-        What the function returned; None after a failure.
-    failure : str
-        Reason in one line; empty after success.
-    """
-
-    number: int
-    result: Any
-    failure: str = ""
+    number: int  # place of the job in the sequence
+    result: Any  # what the function returned; None after a failure
+    failure: str = ""  # reason in one line; empty after success
 
 
 def one_line(error: BaseException) -> str:

@@ -36,8 +36,8 @@ from pam_gap.recordings.recording import (
     RawRecording,
     Recording,
     RecordingError,
-    resample,
 )
+from pam_gap.recordings.resample import resample
 from pam_gap.recordings.text_table import Table
 from pam_model.command_line import Arguments, Outcome
 from pam_model.errors import PamError

@@ -25,36 +25,17 @@ MOST_UNUSED = 300
 
 @dataclass(frozen=True)
 class Preview:
-    """What the page shows.
+    """What the page shows."""
 
-    Attributes
-    ----------
-    source : Path
-        The log.
-    columns : mapping of str to (int, float, float)
-        Number of values, smallest and largest of each column of the log, in its own unit.
-    column_map : ColumnMap
-        What is read from it.
-    recording : Recording or None
-        The recording on an even time grid; None if it cannot be made.
-    problems : sequence of str
-        Why a diagnosis would refuse it; empty if it would not.
-    missing : sequence of str
-        What a diagnosis cannot judge without channels that are not there.
-    damage : sequence of str
-        What could not be read.
-    no_verdict : sequence of str
-        Why no verdict can follow from this recording alone.
-    """
-
-    source: Path
+    source: Path  # the log
+    # number of values, smallest and largest of each column of the log, in its own unit
     columns: Mapping[str, tuple[int, float, float]]
-    column_map: ColumnMap
-    recording: Recording | None
-    problems: Sequence[str]
-    missing: Sequence[str]
-    damage: Sequence[str] = ()
-    no_verdict: Sequence[str] = ()
+    column_map: ColumnMap  # what is read from it
+    recording: Recording | None  # the recording on an even time grid; None if it cannot be made
+    problems: Sequence[str]  # why a diagnosis would refuse it; empty if it would not
+    missing: Sequence[str]  # what a diagnosis cannot judge without channels that are not there
+    damage: Sequence[str] = ()  # what could not be read
+    no_verdict: Sequence[str] = ()  # why no verdict can follow from this recording alone
 
     @property
     def unused(self) -> list[str]:

@@ -77,25 +77,15 @@ _LEAST_OWN: Final = 90.0
 
 @dataclass(frozen=True, slots=True)
 class Proposed:
-    """A column that is proposed for a channel.
+    """A column that is proposed for a channel."""
 
-    Attributes
-    ----------
-    channel, column : str
-        Which column for which channel.
-    unit : str
-        Its unit; empty for that of the rig contract.
-    more : tuple of (str, float)
-        Columns that are added, with their weights, for a time in several columns.
-    absolute : bool
-        Whether its unit says that it is an absolute pressure.
-    """
-
+    # channel, column: which column for which channel
     channel: str
     column: str
-    unit: str = ""
+    unit: str = ""  # its unit; empty for that of the rig contract
+    # columns that are added, with their weights, for a time in several columns
     more: tuple[tuple[str, float], ...] = ()
-    absolute: bool = False
+    absolute: bool = False  # whether its unit says that it is an absolute pressure
 
 
 def wanted_channels(rig: Rig) -> list[str]:

@@ -42,7 +42,7 @@ from pam_gap.prediction.linear_terms import LinearTerms
 from pam_gap.prediction.problem import PredictionProblem
 from pam_gap.rules.decision_rules import DecisionRules
 from pam_model.effects import EFFECTS
-from pam_model.plant.layout import MUSCLES
+from pam_model.plant.joint_muscles import SIDES
 from pam_model.plant.parameters import INDEX
 
 SENSOR_RANGES = tuple(f * 10.0**k for k in (4, 5, 6, 7) for f in (1.0, 1.6, 2.5, 4.0, 6.0))
@@ -84,21 +84,12 @@ class Background:
 
 @dataclass(frozen=True, slots=True)
 class SensorPart:
-    """A part of a background that no effect of the table describes: it changes what is recorded.
+    """A part of a background that no effect of the table describes: it changes what is recorded."""
 
-    Attributes
-    ----------
-    name : str
-        In words, for the answer.
-    change : callable
-        (problem, channels, amount) -> channels with this amount, in the largest ordinary sizes.
-    is_one_way : bool
-        Whether the amount cannot be negative.
-    """
-
-    name: str
+    name: str  # in words, for the answer
+    # (problem, channels, amount) -> channels with this amount, in the largest ordinary sizes
     change: Callable[[PredictionProblem, Channels, float], Channels]
-    is_one_way: bool = False
+    is_one_way: bool = False  # whether the amount cannot be negative
 
     def errors(self, problem: PredictionProblem, vector: Array, amount: float) -> Array:
         """Errors of a plant if the recordings are changed by this amount."""
@@ -109,7 +100,7 @@ class SensorPart:
 
 def _muscles(problem: PredictionProblem) -> list[tuple[int, str]]:
     """Channel of each muscle that exists, and what it is called."""
-    return list(enumerate(("muscle",) if problem.is_bench else MUSCLES))
+    return list(enumerate(("muscle",) if problem.is_bench else SIDES))
 
 
 def sensor_parts(problem: PredictionProblem) -> list[SensorPart]:
@@ -154,7 +145,7 @@ def ordinary_background(problem: PredictionProblem, vector: Array) -> Background
     for lane, (effect, path, size, shape, _) in zip(lanes, shapes, strict=True):
         lane[INDEX[path]] += size
         for name, factor in shape.items():
-            lane[[INDEX[f"{side}.{effect}.{name}"] for side in MUSCLES]] *= factor
+            lane[[INDEX[f"{side}.{effect}.{name}"] for side in SIDES]] *= factor
     base = problem.errors(vector[None])[0]
     changes = list(problem.errors(lanes) - base) if shapes else []
     parts = [_Part(effect, 0.0, most) for effect, _, _, _, most in shapes]

@@ -15,11 +15,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pam_gap.prediction.channel_order import BOTH_FORCES, POSITION
 from pam_gap.prediction.fit import Array, FreeParameter
+from pam_gap.prediction.problem import PredictionProblem
+from pam_gap.recordings.recording import LOCKED, SHUT
 from pam_gap.rules import DEFAULT
 from pam_gap.rules.search_rules import SearchRules
 from pam_model.effects import EFFECTS, Effect, Range, RigScales
-from pam_model.plant.layout import MUSCLES as SIDES
+from pam_model.plant.joint_muscles import SIDES
 from pam_model.plant.written_numbers import written_numbers
 from pam_model.rig import Joint, Rig
 from pam_model.robot import compose
@@ -28,30 +31,15 @@ from pam_model.views.effect_scales import effect_scales
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """One possible explanation: an effect and the muscles on which it acts.
+    """One possible explanation: an effect and the muscles on which it acts."""
 
-    Attributes
-    ----------
-    effect : str
-        Name in `pam_model.effects.EFFECTS`.
-    side : str
-        "agonist" or "antagonist" for a one-sided effect, else empty.
-    free : tuple of FreeParameter
-        Parameters that the fit changes.
-    targets : tuple of tuple of str
-        For each of them, the plant parameters that it sets.
-    starts : tuple of ndarray
-        Starting values of the search.
-    ordinary : tuple of (float, float)
-        For each parameter, its neutral value and the largest distance from it on an ordinary good
-        rig; the distance is 0 where a good rig has none of the effect, and for shapes.
-    """
-
-    effect: str
-    side: str
-    free: tuple[FreeParameter, ...]
-    targets: tuple[tuple[str, ...], ...]
-    starts: tuple[Array, ...]
+    effect: str  # name in `pam_model.effects.EFFECTS`
+    side: str  # "agonist" or "antagonist" for a one-sided effect, else empty
+    free: tuple[FreeParameter, ...]  # parameters that the fit changes
+    targets: tuple[tuple[str, ...], ...]  # for each of them, the plant parameters that it sets
+    starts: tuple[Array, ...]  # starting values of the search
+    # for each parameter, its neutral value and the largest distance from it on an ordinary good
+    # rig; the distance is 0 where a good rig has none of the effect, and for shapes
     ordinary: tuple[tuple[float, float], ...] = ()
 
     def is_ordinary(self, values: Array) -> bool:
@@ -169,54 +157,35 @@ def candidates_for(rig: Rig, joint: Joint, sides: Sequence[str] = SIDES) -> tupl
     )
 
 
-def applicable(
-    effect: str,
-    *,
-    commands: bool,
-    position: bool,
-    pulls: bool,
-    shut: bool = False,
-    moves: bool = True,
-) -> bool:
-    """Whether the recorded channels can show an effect at all.
+def shown_candidates(problem: PredictionProblem) -> tuple[Candidate, ...]:
+    """The effects that the recorded channels and motions of a problem can show at all."""
+    mountings = {data.recording.mounting for data in problem.data}
+    recorded = {
+        "commands": problem.has_commands,
+        "position": problem.present[POSITION],
+        "pulls": problem.present[BOTH_FORCES].any(),
+    }
 
-    Parameters
-    ----------
-    effect : str
-        Name in `EFFECTS`.
-    commands, position, pulls : bool
-        Whether valve commands, joint position and load cells were recorded.
-    shut : bool
-        Whether the valves were shut all the time.
-    moves : bool
-        Whether the joint moved in any recording. A locked joint shows no effect of the joint.
-    """
-    search = EFFECTS[effect].search
-    if not moves and EFFECTS[effect].stage == "joint":
-        return False
-    if shut and EFFECTS[effect].stage == "valve":
-        return search.shows_when_shut
-    recorded = {"commands": commands, "position": position, "pulls": pulls}
-    return not search.shown_by or any(recorded[channel] for channel in search.shown_by)
+    def is_shown(effect: Effect) -> bool:
+        if effect.stage == "joint" and mountings == {LOCKED}:
+            return False
+        if effect.stage == "valve" and mountings == {SHUT}:
+            return effect.search.shows_when_shut
+        shown_by = effect.search.shown_by
+        return not shown_by or any(recorded[channel] for channel in shown_by)
+
+    joint = problem.rig.joints[problem.joint]
+    every = candidates_for(problem.rig, joint, problem.sides)
+    return tuple(candidate for candidate in every if is_shown(EFFECTS[candidate.effect]))
 
 
 @dataclass(frozen=True, slots=True)
 class Nuisance:
-    """A nuisance parameter: a number that may deviate without being an effect.
+    """A nuisance parameter: a number that may deviate without being an effect."""
 
-    Attributes
-    ----------
-    free : FreeParameter
-        The parameter; its fit starts at its centre.
-    targets : tuple of str
-        The plant parameters that it sets or scales.
-    is_factor : bool
-        Whether it multiplies the values of the rig file.
-    """
-
-    free: FreeParameter
-    targets: tuple[str, ...]
-    is_factor: bool
+    free: FreeParameter  # the parameter; its fit starts at its centre
+    targets: tuple[str, ...]  # the plant parameters that it sets or scales
+    is_factor: bool  # whether it multiplies the values of the rig file
 
     @property
     def is_transport(self) -> bool:

@@ -25,36 +25,19 @@ from pam_model.effects import EFFECTS
 
 @dataclass(frozen=True, slots=True)
 class Verdict[S: Score]:
-    """What the evidence says.
+    """What the evidence says."""
 
-    Attributes
-    ----------
-    decision : Decision
-        The verdict in one word, the accepted hypothesis, its rivals, and all scores.
-    judge : Judge
-        With the floor against which the hypotheses were judged.
-    stage : str or None
-        Stage of the first effect; for `unknown`, the one with the largest gap.
-    effects : tuple of str
-        Effects that the verdict names, strongest first.
-    indistinguishable : tuple of tuple of str
-        Sets of effects between which the data cannot distinguish.
-    candidates : tuple of (str, float)
-        Every candidate with its weight, strongest first.
-    probabilities : mapping
-        Probability of each explanation, largest first.
-    is_exact : bool
-        Whether a diagnosis with these rules would have had the same evidence: the search would have
-        stopped at the same size, and the fit of every close hypothesis was completed.
-    """
-
+    # the verdict in one word, the accepted hypothesis, its rivals, and all scores
     decision: Decision[S]
-    judge: Judge
-    stage: str | None
-    effects: tuple[str, ...]
+    judge: Judge  # with the floor against which the hypotheses were judged
+    stage: str | None  # stage of the first effect; for `unknown`, the one with the largest gap
+    effects: tuple[str, ...]  # effects that the verdict names, strongest first
+    # sets of effects between which the data cannot distinguish
     indistinguishable: tuple[tuple[str, ...], ...]
-    candidates: tuple[tuple[str, float], ...]
-    probabilities: Mapping[str, float]
+    candidates: tuple[tuple[str, float], ...]  # every candidate with its weight, strongest first
+    probabilities: Mapping[str, float]  # probability of each explanation, largest first
+    # whether a diagnosis with these rules would have had the same evidence: the search would have
+    # stopped at the same size, and the fit of every close hypothesis was completed
     is_exact: bool
 
     @property

@@ -29,30 +29,15 @@ from pam_gap.rules.decision_rules import DecisionRules
 
 @dataclass(frozen=True, slots=True)
 class Decision[S: Score]:
-    """The result of a decision.
+    """The result of a decision."""
 
-    Attributes
-    ----------
-    verdict : str
-        none, named, ambiguous or unknown.
-    chosen : Score or None
-        The accepted hypothesis.
-    rivals : tuple of Score
-        Hypotheses that the data do not distinguish from it.
-    tried : tuple of Score
-        All final scores.
-    unlisted : tuple of Score
-        Scores of causes outside the table of effects.
-    better : Score or None
-        The one of them that explains the recording better than the accepted hypothesis, if there
-        is one; the verdict is unknown then.
-    """
-
-    verdict: str
-    chosen: S | None
-    rivals: tuple[S, ...]
-    tried: tuple[S, ...]
-    unlisted: tuple[S, ...] = ()
+    verdict: str  # none, named, ambiguous or unknown
+    chosen: S | None  # the accepted hypothesis
+    rivals: tuple[S, ...]  # hypotheses that the data do not distinguish from it
+    tried: tuple[S, ...]  # all final scores
+    unlisted: tuple[S, ...] = ()  # scores of causes outside the table of effects
+    # the one of them that explains the recording better than the accepted hypothesis, if there is
+    # one; the verdict is unknown then
     better: S | None = None
 
     @property
@@ -309,17 +294,7 @@ class Judge:
     def decide[S: Score](
         self, nominal: Score, tried: Sequence[S], unlisted: Sequence[S] = ()
     ) -> Decision[S]:
-        """Choose a hypothesis and give the verdict about it.
-
-        Parameters
-        ----------
-        nominal : Score
-            Score of the re-tuned plant without effects.
-        tried : sequence of Score
-            Scores of the hypotheses.
-        unlisted : sequence of Score
-            Scores of causes outside the table of effects.
-        """
+        """Choose a hypothesis and give the verdict about it."""
         self.set_floor([nominal, *tried, *unlisted])
         return self.about(nominal, tried, self.choose(nominal, tried), unlisted)
 

@@ -29,53 +29,28 @@ FORMAT = 6
 
 @dataclass(frozen=True, slots=True)
 class Evidence[S: Score]:
-    """What the search of one joint found; in a running diagnosis, scores with their fits.
+    """What the search of one joint found; in a running diagnosis, scores with their fits."""
 
-    Attributes
-    ----------
-    floor : ndarray, shape (channels,)
-        Mean squared error due to noise alone.
-    background : ndarray, shape (channels,)
-        Mean squared error that an ordinary background can leave.
-    present : ndarray of bool, shape (channels,)
-        Channels that are judged.
-    motion : ndarray, shape (channels,)
-        Squared range of each channel in units of its whitened errors; with 0, every gap above the
-        noise matters.
-    written, nominal : Score
-        Scores of the plant in the rig file, as written and re-tuned without effects.
-    tried : tuple of Score
-        Scores of the finalists after the search.
-    singles : tuple of str
-        All effects, in the order of their levels as single effects.
-    stages : tuple of StageGap
-        The gap of each stage.
-    growth : tuple of (GrowthStep, bool)
-        State at each decision to seek one more effect, and whether it was sought.
-    unlisted : tuple of Score
-        Scores of causes outside the table of effects.
-    settled : mapping
-        Index in `tried` -> score after the last fit, for the hypotheses that had one.
-    improved : Score, optional
-        Score of the fit that the improved rig file holds; None without such a file.
-    improved_for : str
-        Label of the hypothesis that was named and fitted for that file.
-    """
-
-    floor: Array
-    background: Array
-    present: np.ndarray
+    floor: Array  # shape (channels,): mean squared error due to noise alone
+    background: Array  # shape (channels,): mean squared error that an ordinary background can leave
+    present: np.ndarray  # shape (channels,): channels that are judged
+    # shape (channels,): squared range of each channel in units of its whitened errors; with 0,
+    # every gap above the noise matters
     motion: Array
+    # written, nominal: scores of the plant in the rig file, as written and re-tuned without effects
     written: S
     nominal: S
-    tried: tuple[S, ...]
-    singles: tuple[str, ...]
-    stages: tuple[StageGap, ...]
+    tried: tuple[S, ...]  # scores of the finalists after the search
+    singles: tuple[str, ...]  # all effects, in the order of their levels as single effects
+    stages: tuple[StageGap, ...]  # the gap of each stage
+    # state at each decision to seek one more effect, and whether it was sought
     growth: tuple[tuple[GrowthStep, bool], ...]
-    unlisted: tuple[S, ...] = ()
+    unlisted: tuple[S, ...] = ()  # scores of causes outside the table of effects
+    # index in `tried` -> score after the last fit, for the hypotheses that had one
     settled: Mapping[int, S] = field(default_factory=dict)
+    # score of the fit that the improved rig file holds; None without such a file
     improved: S | None = None
-    improved_for: str = ""
+    improved_for: str = ""  # label of the hypothesis that was named and fitted for that file
 
     def save(self, path: Path) -> None:
         """Write the evidence to one NPZ file (arrays and one JSON text, no pickled objects)."""

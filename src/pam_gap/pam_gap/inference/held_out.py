@@ -29,24 +29,13 @@ OTHER_LENGTHS = "other lengths"
 
 @dataclass(frozen=True, slots=True)
 class Folds:
-    """What is fitted and what is withheld in turn.
+    """What is fitted and what is withheld in turn."""
 
-    Attributes
-    ----------
-    turns : tuple of (ndarray of bool, ndarray of bool)
-        Rows that are fitted, and rows that are withheld meanwhile.
-    score_block : ndarray of int, shape (n_rows,)
-        Score block of each counted row, -1 for none.
-    n_blocks : int
-        Number of score blocks.
-    withheld : str
-        What is withheld, in words.
-    """
-
+    # rows that are fitted, and rows that are withheld meanwhile
     turns: tuple[tuple[Rows, Rows], ...]
-    score_block: np.ndarray
-    n_blocks: int
-    withheld: str = "other times"
+    score_block: np.ndarray  # shape (n_rows,): score block of each counted row, -1 for none
+    n_blocks: int  # number of score blocks
+    withheld: str = "other times"  # what is withheld, in words
 
     @property
     def used(self) -> Rows:
@@ -57,18 +46,10 @@ class Folds:
 
 @dataclass(frozen=True, slots=True)
 class HeldOut(Score):
-    """The score of one hypothesis on data that were not used for its fit, with the fit itself.
+    """The score of one hypothesis on data that were not used for its fit, with the fit itself."""
 
-    Attributes
-    ----------
-    hypothesis : Hypothesis
-        The fit to all data.
-    fold_values : tuple of ndarray
-        Parameters fitted on each fold.
-    """
-
-    hypothesis: Hypothesis
-    fold_values: tuple[Array, ...]
+    hypothesis: Hypothesis  # the fit to all data
+    fold_values: tuple[Array, ...]  # parameters fitted on each fold
 
     @classmethod
     def of(

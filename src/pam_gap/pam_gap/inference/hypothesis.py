@@ -44,21 +44,11 @@ FEWEST_SIDE_BY_SIDE = 6
 
 @dataclass(slots=True)
 class Hypothesis:
-    """Effects that are fitted together, and the result of the fit.
+    """Effects that are fitted together, and the result of the fit."""
 
-    Attributes
-    ----------
-    members : tuple of Candidate
-        The effects; empty for the re-tuned nominal plant.
-    result : PlantFit
-        Nuisance parameters first, then the parameters of each effect in order.
-    mean_square : ndarray, shape (channels,)
-        J_c over all counted rows.
-    """
-
-    members: tuple[Candidate, ...]
-    result: PlantFit
-    mean_square: Array
+    members: tuple[Candidate, ...]  # the effects; empty for the re-tuned nominal plant
+    result: PlantFit  # nuisance parameters first, then the parameters of each effect in order
+    mean_square: Array  # shape (channels,): J_c over all counted rows
 
     @property
     def effects(self) -> tuple[str, ...]:
@@ -132,42 +122,19 @@ class Hypothesis:
 
 @dataclass(frozen=True, slots=True)
 class FitTask:
-    """One fit of one hypothesis from one start.
+    """One fit of one hypothesis from one start."""
 
-    Attributes
-    ----------
-    members : tuple of Candidate
-        The effects.
-    start : ndarray
-        Nuisance parameters first, then those of the effects.
-    max_iterations : int
-        Largest number of steps.
-    rows : ndarray of bool, optional
-        Rows that are fitted; by default all counted ones.
-    cached : ndarray, optional
-        Jacobian of the first parameters, which is reused.
-    guess : ndarray, optional
-        Jacobian of the parameters after these at a point near the start.
-    tolerance : float, optional
-        As for `fit_steps`.
-    amounts : ndarray, optional
-        Amounts of the ordinary background that are kept; by default they are fitted.
-    is_bare : bool
-        Whether the fit is without an ordinary background.
-    errors : ndarray, optional
-        Errors of the simulation alone at the start, where they are known.
-    """
-
-    members: tuple[Candidate, ...]
-    start: Array
-    max_iterations: int
-    rows: Rows | None = None
-    cached: Slopes | None = None
-    guess: Slopes | None = None
-    tolerance: float | None = None
+    members: tuple[Candidate, ...]  # the effects
+    start: Array  # nuisance parameters first, then those of the effects
+    max_iterations: int  # largest number of steps
+    rows: Rows | None = None  # rows that are fitted; by default all counted ones
+    cached: Slopes | None = None  # Jacobian of the first parameters, which is reused
+    guess: Slopes | None = None  # Jacobian of the parameters after these at a point near the start
+    tolerance: float | None = None  # as for `fit_steps`
+    # amounts of the ordinary background that are kept; by default they are fitted
     amounts: Array | None = None
-    is_bare: bool = False
-    errors: Array | None = None
+    is_bare: bool = False  # whether the fit is without an ordinary background
+    errors: Array | None = None  # errors of the simulation alone at the start, where they are known
 
     @classmethod
     def further(
@@ -354,7 +321,7 @@ class HypothesisFitter:
             self.nominal = self.fit((), values, cached=jacobian, max_iterations=steps)
         return self.nominal
 
-    def without_background(self) -> None:
+    def drop_background(self) -> None:
         """Fit every hypothesis without an ordinary background from now on; `parts` remains."""
         self.background, self.nominal = None, self.bare
         self.discrepancy = self.whole_background

@@ -36,17 +36,6 @@ def ordinary_members(
 
     The size of each is limited to the ordinary one. An effect that the rig file states already is
     left out: its size there may be larger.
-
-    Parameters
-    ----------
-    fitter : HypothesisFitter
-        Fitter of the problem.
-    background : Background
-        The background that the fit contains.
-    chosen : Hypothesis
-        The fit.
-    candidates : sequence of Candidate
-        The effects that may be added.
     """
     problem = fitter.problem
     amount: dict[str, float] = {}

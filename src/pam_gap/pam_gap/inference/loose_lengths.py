@@ -28,27 +28,13 @@ from pam_model.rig import Rig
 
 @dataclass(frozen=True, slots=True)
 class LooseLengths:
-    """Re-tuned lengths that explain most of an error, although their tolerance is not stated.
+    """Re-tuned lengths that explain most of an error, although their tolerance is not stated."""
 
-    Attributes
-    ----------
-    example : str
-        The length that was changed most, and by how much.
-    share : float
-        Share of the RMS error that the lengths remove.
-    channel : str
-        Channel of this error.
-    tolerance : float
-        Relative tolerance that was assumed for them.
-    numbers : int
-        Number of lengths that were fitted.
-    """
-
-    example: str
-    share: float
-    channel: str
-    tolerance: float
-    numbers: int
+    example: str  # the length that was changed most, and by how much
+    share: float  # share of the RMS error that the lengths remove
+    channel: str  # channel of this error
+    tolerance: float  # relative tolerance that was assumed for them
+    numbers: int  # number of lengths that were fitted
 
     @property
     def caution(self) -> str:
@@ -122,15 +108,7 @@ def shared_probabilities(
 
 
 def loose_lengths(fitter: HypothesisFitter, hypothesis: Hypothesis) -> LooseLengths | None:
-    """The re-tuned lengths of a hypothesis; None unless they explain most of an error.
-
-    Parameters
-    ----------
-    fitter : HypothesisFitter
-        Fitter of the problem.
-    hypothesis : Hypothesis
-        A fitted hypothesis of it.
-    """
+    """The re-tuned lengths of a hypothesis; None unless they explain most of an error."""
     problem, rig = fitter.problem, fitter.problem.rig
     lengths = [
         k

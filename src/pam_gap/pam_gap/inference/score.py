@@ -23,6 +23,11 @@ def levels(sums: Array, counts: Array, floor: Array, present: np.ndarray) -> Arr
     return value
 
 
+def level(mean_square: Array, floor: Array, present: np.ndarray) -> float:
+    """Sum over channels of the log mean square over the floor, at least 0 in a channel."""
+    return float(np.sum(np.log(np.maximum(mean_square / floor, 1.0))[present]))
+
+
 @dataclass(frozen=True, slots=True)
 class Score:
     """The remaining error of one hypothesis on data that were not used for its fit.

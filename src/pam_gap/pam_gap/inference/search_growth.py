@@ -11,28 +11,16 @@ from pam_gap.rules.search_rules import SearchRules
 
 @dataclass(frozen=True, slots=True)
 class GrowthStep:
-    """State of the search after all hypotheses of one size.
+    """State of the search after all hypotheses of one size."""
 
-    Attributes
-    ----------
-    size : int
-        Number of effects of the hypotheses found last.
-    channels : int
-        Number of channels that are judged.
-    matters : bool
-        Whether the best of them leaves an error that is material.
-    nominal, best : float
-        Levels of the re-tuned nominal plant and of the best hypothesis found last.
-    previous, runner_up : float or None
-        Levels of the best hypothesis with one effect less, and of the hypothesis with the next best
-        effect in place of the last one; None for the first effect.
-    """
-
-    size: int
-    channels: int
-    matters: bool
+    size: int  # number of effects of the hypotheses found last
+    channels: int  # number of channels that are judged
+    matters: bool  # whether the best of them leaves an error that is material
+    # nominal, best: levels of the re-tuned nominal plant and of the best hypothesis found last
     nominal: float
     best: float
+    # previous, runner_up: levels of the best hypothesis with one effect less, and of the hypothesis
+    # with the next best effect in place of the last one; None for the first effect
     previous: float | None = None
     runner_up: float | None = None
 

@@ -25,7 +25,7 @@ import numpy as np
 from pam_gap.inference.background import Background, SensorPart, encoder_part, sensor_parts
 from pam_gap.inference.held_out import Folds, HeldOut, score_all
 from pam_gap.inference.hypothesis import FitTask, Hypothesis, HypothesisFitter
-from pam_gap.inference.search import level
+from pam_gap.inference.score import level
 from pam_gap.prediction.channel_order import POSITION
 from pam_gap.prediction.channels import Channels
 from pam_gap.prediction.end_stop import EndStop, end_stop
@@ -46,34 +46,18 @@ STOP_UNIT = 0.05
 
 @dataclass(frozen=True, slots=True)
 class Unlisted:
-    """A cause that is no effect of the table.
+    """A cause that is no effect of the table."""
 
-    Attributes
-    ----------
-    name : str
-        In words, for the answer.
-    places : tuple of int
-        Columns of the background that its amounts replace.
-    change : callable
-        (problem, channels, amounts) -> channels with these amounts.
-    is_one_way : bool
-        Whether the amounts cannot be negative.
-    largest : float
-        Bound of the amounts.
-    contains : str
-        Effect of the table that the cause is when only its first amount is not zero; its fit
-        begins with what was found of this effect.
-    first : callable
-        First amount for a size of that effect.
-    """
-
-    name: str
-    places: tuple[int, ...]
+    name: str  # in words, for the answer
+    places: tuple[int, ...]  # columns of the background that its amounts replace
+    # (problem, channels, amounts) -> channels with these amounts
     change: Callable[[PredictionProblem, Channels, Array], Channels]
-    is_one_way: bool
-    largest: float = LARGEST
+    is_one_way: bool  # whether the amounts cannot be negative
+    largest: float = LARGEST  # bound of the amounts
+    # effect of the table that the cause is when only its first amount is not zero; its fit begins
+    # with what was found of this effect
     contains: str = ""
-    first: Callable[[float], float] = float
+    first: Callable[[float], float] = float  # first amount for a size of that effect
 
 
 def _of_part(part: SensorPart, place: int) -> Unlisted:

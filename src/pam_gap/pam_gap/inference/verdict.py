@@ -22,27 +22,16 @@ SHARP = frozenset(name for name, effect in EFFECTS.items() if effect.search.is_s
 
 @dataclass(frozen=True, slots=True)
 class Figures:
-    """The figures on which a verdict is based.
+    """The figures on which a verdict is based."""
 
-    Attributes
-    ----------
-    effects : tuple of str
-        Effects of the best accepted hypothesis.
-    level_before, level_after : float
-        Held-out levels of the re-tuned nominal plant and of the best hypothesis.
-    channels : int
-        Number of channels.
-    closed : float
-        Share of the RMS gap closed on held-out data, mean over the channels with a gap.
-    has_background : bool
-        Whether an ordinary background is assumed, whose laws are approximate.
-    """
-
-    effects: tuple[str, ...]
+    effects: tuple[str, ...]  # effects of the best accepted hypothesis
+    # level_before, level_after: held-out levels of the re-tuned nominal plant and of the best
+    # hypothesis
     level_before: float
     level_after: float
-    channels: int
-    closed: float
+    channels: int  # number of channels
+    closed: float  # share of the RMS gap closed on held-out data, mean over the channels with a gap
+    # whether an ordinary background is assumed, whose laws are approximate
     has_background: bool = False
 
     @property

@@ -22,8 +22,8 @@ from pam_gap.recordings.recording import (
     RawChannel,
     RawRecording,
     RecordingError,
-    resample,
 )
+from pam_gap.recordings.resample import resample
 from pam_gap.rules import DEFAULT
 from pam_model.rig import Rig
 
@@ -48,24 +48,13 @@ class ChannelFigure:
 
 @dataclass(frozen=True, slots=True)
 class LiveGap:
-    """The gap of one joint.
+    """The gap of one joint."""
 
-    Attributes
-    ----------
-    joint : str
-        Name of the joint.
-    figures : tuple of ChannelFigure
-        Figures of every channel over every watched horizon.
-    stages : mapping
-        Stage -> gap over floor, for the stages that can be judged.
-    problem : str
-        Reason why the gap cannot be judged; empty otherwise.
-    """
-
-    joint: str
-    figures: tuple[ChannelFigure, ...] = ()
+    joint: str  # name of the joint
+    figures: tuple[ChannelFigure, ...] = ()  # figures of every channel over every watched horizon
+    # stage -> gap over floor, for the stages that can be judged
     stages: Mapping[str, float] | None = None
-    problem: str = ""
+    problem: str = ""  # reason why the gap cannot be judged; empty otherwise
 
     @property
     def worst(self) -> float:

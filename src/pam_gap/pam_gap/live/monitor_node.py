@@ -28,6 +28,7 @@ from pam_model.rig import described_key, rig_of_node
 from pam_ros.diagnostics import OK, STALE, WARN, diagnostic_array, diagnostic_status
 from pam_ros.parameters import NodeParameters
 from pam_ros.spin import spin_node
+from pam_ros.steady_timers import SteadyTimers
 from pam_ros.subscriptions import subscribe
 from pam_ros.valve_command import ValveCommandFormat
 
@@ -51,7 +52,8 @@ class MonitorNode(Node):  # type: ignore[misc]
         subscribe(self, JointState, "valve_commands", self._take_commands, _SENSED)
         subscribe(self, JointState, "pressure_states", self._take_pressures, _SENSED)
         subscribe(self, JointState, "joint_states", self._take_positions, _SENSED)
-        self.create_timer(self._declared.number("period"), self._report)
+        self.steady_timers = SteadyTimers()
+        self.steady_timers.add(self._declared.number("period"), self._report)
 
     def _now(self) -> float:
         return float(self.get_clock().now().nanoseconds) * 1e-9
@@ -104,7 +106,8 @@ class MonitorNode(Node):  # type: ignore[misc]
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the node until it is stopped."""
-    return spin_node(MonitorNode, HELP, arguments, mistake=PamError)
+    # the first report may compile the simulation, which takes longer than anyone waits for an end
+    return spin_node(MonitorNode, HELP, arguments, mistake=PamError, may_be_left=True)
 
 
 if __name__ == "__main__":

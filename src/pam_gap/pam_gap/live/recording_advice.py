@@ -129,13 +129,7 @@ def progress_line(duration: float, missing: Sequence[str]) -> str:
 
 
 class RecordingAdvice:
-    """Watches the messages of a recording.
-
-    Parameters
-    ----------
-    rig : Rig
-        The robot that is recorded.
-    """
+    """Watches the messages of a recording."""
 
     def __init__(self, rig: Rig) -> None:
         self._rig = rig

@@ -25,7 +25,7 @@ from pam_gap.prediction.problem import PredictionProblem
 from pam_gap.recordings.recording import LOCKED, SHUT, TURNED_OVER
 from pam_gap.rules.recording_rules import RecordingRules
 from pam_model.errors import PamError
-from pam_model.joints.antagonistic_joint import AntagonisticJoint
+from pam_model.joints.joint_statics import JointStatics
 from pam_model.robot import compose
 from pam_model.views.gravity import gravity_stiffness, gravity_torque
 from pam_model.views.torque_balance import inertia_torque
@@ -151,13 +151,13 @@ def directions(problem: PredictionProblem) -> Directions:
     if not free:
         return Directions()
     try:
-        joint = AntagonisticJoint.from_rig(rig, entry.name)
+        joint = JointStatics.from_rig(rig, entry.name)
         usual = [float(np.median(d.measured[:, BOTH_PRESSURES])) for d in free]
         pressure = max(float(np.median(usual)), 1e3)
         per_pressure = np.array(
-            [joint.torque(pressure, 0.0, 0.0), joint.torque(0.0, pressure, 0.0)]
+            [joint.torque((pressure, 0.0), 0.0), joint.torque((0.0, pressure), 0.0)]
         )
-        stiffness = joint.stiffness(pressure, pressure, 0.0)
+        stiffness = joint.stiffness((pressure, pressure), 0.0)
     except PamError:  # a pressure or length outside the model of the muscle
         return Directions()
     per_pressure = per_pressure / pressure

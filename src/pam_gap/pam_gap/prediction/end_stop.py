@@ -19,7 +19,7 @@ from pam_gap.prediction.local_polynomial import local_polynomial
 from pam_gap.prediction.problem import PredictionProblem
 from pam_gap.recordings.recording import TURNED_OVER
 from pam_model.errors import PamError
-from pam_model.joints.antagonistic_joint import AntagonisticJoint
+from pam_model.joints.joint_statics import JointStatics
 from pam_model.robot import compose
 from pam_model.views.torque_balance import inertia_torque, unbalanced_torque
 
@@ -31,24 +31,12 @@ KNEES = np.linspace(-0.2, 0.9, 12)
 
 @dataclass(frozen=True, slots=True)
 class EndStop:
-    """A one-sided spring at one end of the motion.
+    """A one-sided spring at one end of the motion."""
 
-    Attributes
-    ----------
-    sign : float
-        1 at the upper end, -1 at the lower end.
-    begins : float
-        Angle from which it acts [rad].
-    stiffness : float
-        [N m/rad].
-    gain : float
-        Share of the squared torque that a smooth law leaves and the stop explains.
-    """
-
-    sign: float
-    begins: float
-    stiffness: float
-    gain: float
+    sign: float  # 1 at the upper end, -1 at the lower end
+    begins: float  # angle from which it acts [rad]
+    stiffness: float  # [N m/rad]
+    gain: float  # share of the squared torque that a smooth law leaves and the stop explains
 
     @property
     def name(self) -> str:
@@ -67,7 +55,7 @@ def _balance(problem: PredictionProblem, data: Channels) -> tuple[Array, Array]:
     """Angle, speed and both pressures, shape (n, 4), and the torque that is lacking, shape (n,)."""
     robot = compose(problem.rig)
     joint = robot.joints[problem.joint]
-    statics = AntagonisticJoint.from_robot(robot, joint)
+    statics = JointStatics.from_robot(robot, joint)
     step = data.recording.sample_time
     width = max(5, round(problem.rules.search.end_stop_window / step) // 2 * 2 + 1)
     angle = data.measured[:, POSITION : POSITION + 1]
@@ -78,25 +66,19 @@ def _balance(problem: PredictionProblem, data: Channels) -> tuple[Array, Array]:
     rows = rows[data.known[rows].all(axis=1, where=problem.recorded)]
     pressures = np.maximum(data.measured[rows, AGONIST_PRESSURE : AGONIST_PRESSURE + 2], 0.0)
     found, lacking = [], []
-    for k, (first, second) in zip(rows.tolist(), pressures.tolist(), strict=True):
+    for k, pair in zip(rows.tolist(), pressures.tolist(), strict=True):
         try:
-            torque = statics.torque(first, second, float(smooth[k]))
+            torque = statics.torque(pair, float(smooth[k]))
         except PamError:
             continue  # outside the lengths of a muscle
-        found.append((smooth[k], speed[k], first, second))
+        found.append((smooth[k], speed[k], *pair))
         rest = unbalanced_torque(joint, torque, float(smooth[k]), float(speed[k]))
         lacking.append(rest - inertia_torque(joint, float(bend[k])))
     return np.array(found).reshape(-1, 4), np.array(lacking)
 
 
 def end_stop(problem: PredictionProblem) -> EndStop | None:
-    """The end stop that the recordings show; None without one.
-
-    Parameters
-    ----------
-    problem : PredictionProblem
-        Rig and recordings.
-    """
+    """The end stop that the recordings show; None without one."""
     usable = [
         data
         for data in problem.data

@@ -38,30 +38,16 @@ FitSteps = Generator[Array, Array, "PlantFit"]
 
 @dataclass(frozen=True, slots=True)
 class FreeParameter:
-    """One parameter that a fit may change.
+    """One parameter that a fit may change."""
 
-    Attributes
-    ----------
-    name : str
-        Name in reports.
-    low, high : float
-        Bounds in the parameter's own unit.
-    size : float
-        Typical change; it scales the difference step and the damping.
-    prior : float
-        Standard deviation of the Gaussian prior; 0 for no prior.
-    centre : float
-        Mean of the prior.
-    is_logarithmic : bool
-        Whether the fit works on the logarithm of the parameter; `low` must then be above 0.
-    """
-
-    name: str
+    name: str  # name in reports
+    # low, high: bounds in the parameter's own unit
     low: float
     high: float
-    size: float
-    prior: float = 0.0
-    centre: float = 0.0
+    size: float  # typical change; it scales the difference step and the damping
+    prior: float = 0.0  # standard deviation of the Gaussian prior; 0 for no prior
+    centre: float = 0.0  # mean of the prior
+    # whether the fit works on the logarithm of the parameter; `low` must then be above 0
     is_logarithmic: bool = False
 
 

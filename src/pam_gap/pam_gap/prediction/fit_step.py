@@ -49,27 +49,13 @@ def bounded_step(hessian: Array, slope: Array, low: Array, high: Array) -> Array
 
 @dataclass(frozen=True, slots=True)
 class FitStep:
-    """One accepted step of a fit.
+    """One accepted step of a fit."""
 
-    Attributes
-    ----------
-    at : ndarray, shape (n,)
-        The new point, scaled.
-    errors : ndarray, shape (blocks, channels)
-        Errors there.
-    value : float
-        Objective there.
-    damping : float
-        Damping with which the next step begins.
-    is_as_promised : bool
-        Whether the undamped step brought what the Jacobian promised.
-    """
-
-    at: Array
-    errors: Array
-    value: float
-    damping: float
-    is_as_promised: bool
+    at: Array  # shape (n,): the new point, scaled
+    errors: Array  # shape (blocks, channels): errors there
+    value: float  # objective there
+    damping: float  # damping with which the next step begins
+    is_as_promised: bool  # whether the undamped step brought what the Jacobian promised
 
 
 def best_step(

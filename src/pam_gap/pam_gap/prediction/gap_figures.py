@@ -56,9 +56,7 @@ def noise_level(
     return np.maximum(mean_squares(noisy - plain, problem.counted), least)
 
 
-def gap_figures(
-    problem: PredictionProblem, before: Array, after: Array, rows: np.ndarray | None = None
-) -> list[GapFigure]:
+def gap_figures(problem: PredictionProblem, before: Array, after: Array) -> list[GapFigure]:
     """The gap of two plants over every horizon.
 
     Parameters
@@ -67,15 +65,12 @@ def gap_figures(
         Rig and recordings.
     before, after : ndarray, shape (n_parameters,)
         Full parameter vectors of the plant in the rig file and of the improved plant.
-    rows : ndarray of bool, optional
-        Rows that are counted; default all after the settling time.
     """
-    chosen = problem.counted if rows is None else rows
     scale = np.sqrt(np.mean([data.block_deviation**2 for data in problem.data], axis=0))
     figures = []
     for horizon in HORIZONS:
         both = problem.errors(np.array([before, after]), horizon.settings)
-        rms = np.sqrt(mean_squares(both, chosen))
+        rms = np.sqrt(mean_squares(both, problem.counted))
         floor = np.sqrt(noise_level(problem, after, horizon.settings))
         for c in np.nonzero(problem.present)[0]:
             figures.append(

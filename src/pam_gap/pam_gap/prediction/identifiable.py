@@ -21,7 +21,7 @@ from pam_model.gas.constants import (
     REFERENCE_DENSITY,
     REFERENCE_TEMPERATURE,
 )
-from pam_model.joints.antagonistic_joint import AntagonisticJoint
+from pam_model.joints.joint_statics import JointStatics
 
 USUAL = "Record 40 s at 200 Hz or more, at rest for the first two seconds."
 
@@ -165,7 +165,7 @@ def sparse_commands(problem: PredictionProblem) -> tuple[str, ...]:
     muscles = [rig.muscle(name) for name in rig.joints[problem.joint].muscles]
     if not problem.has_commands or any(m.valve.kind == "pressure_regulator" for m in muscles):
         return ()
-    volumes = AntagonisticJoint.from_rig(rig, rig.joints[problem.joint].name).volumes(0.0)
+    volumes = JointStatics.from_rig(rig, rig.joints[problem.joint].name).volumes(0.0)
     nominal = REFERENCE_DENSITY * GAS_CONSTANT * REFERENCE_TEMPERATURE
     flow = np.array([m.valve.sonic_conductance for m in muscles])
     rate = flow * rig.supply_pressure * nominal / np.array(volumes)

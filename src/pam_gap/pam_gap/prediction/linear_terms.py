@@ -32,18 +32,10 @@ from pam_gap.rules.prediction_rules import PredictionRules
 
 @dataclass(frozen=True, slots=True)
 class LinearTerms:
-    """Known changes of the errors, each of which a fit adds in an amount within its bounds.
+    """Known changes of the errors, each of which a fit adds in an amount within its bounds."""
 
-    Attributes
-    ----------
-    columns : ndarray, shape (blocks, channels, k)
-        Change of the whitened errors per amount of 1.
-    free : tuple of FreeParameter
-        Bounds, priors and sizes of the amounts.
-    """
-
-    columns: Array
-    free: tuple[FreeParameter, ...]
+    columns: Array  # shape (blocks, channels, k): change of the whitened errors per amount of 1
+    free: tuple[FreeParameter, ...]  # bounds, priors and sizes of the amounts
     _alone: list[KnownColumns] = field(default_factory=list, repr=False)
     _beside: WeakValueDictionary[int, KnownColumns] = field(
         default_factory=WeakValueDictionary, repr=False

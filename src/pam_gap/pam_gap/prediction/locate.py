@@ -44,23 +44,13 @@ class StageGap:
 
 @dataclass(frozen=True, slots=True)
 class Location:
-    """Where the gap arises.
+    """Where the gap arises."""
 
-    Attributes
-    ----------
-    stages : tuple of StageGap
-        The gap of each stage with measured inputs.
-    delays : tuple of (str, float)
-        Channel, and its delay behind the prediction [s].
-    regimes : tuple of (str, float)
-        Regime of the motion, and its share of the squared error over its share of the time.
-    stage_from : float
-        RMS over floor above which a stage counts as having a gap.
-    """
-
-    stages: tuple[StageGap, ...]
-    delays: tuple[tuple[str, float], ...]
+    stages: tuple[StageGap, ...]  # the gap of each stage with measured inputs
+    delays: tuple[tuple[str, float], ...]  # channel, and its delay behind the prediction [s]
+    # regime of the motion, and its share of the squared error over its share of the time
     regimes: tuple[tuple[str, float], ...]
+    # RMS over floor above which a stage counts as having a gap
     stage_from: float = DEFAULT.prediction.stage_from
 
     @property

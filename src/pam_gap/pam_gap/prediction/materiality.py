@@ -22,40 +22,22 @@ LOW, HIGH = 2.5, 97.5
 
 @dataclass(frozen=True, slots=True)
 class GapSize:
-    """The gap of one channel, in the channel's unit; noise is taken off in squares.
+    """The gap of one channel, in the channel's unit; noise is taken off in squares."""
 
-    Attributes
-    ----------
-    channel, unit : str
-        Name and unit.
-    stage : str
-        Last stage of the simulation before the channel.
-    motion : float
-        Range in which the channel moved.
-    before : float
-        RMS error of the rig file as it is written.
-    retuned : float
-        RMS error of the rig file re-tuned within its tolerance.
-    after : float
-        RMS error that the answer leaves.
-    floor : float
-        RMS error that noise alone causes, which the three errors above do not contain.
-    limit, limit_unexplained : float
-        Errors below which a gap does not matter, and one that no effect explains.
-    background : float
-        RMS error that was taken for an ordinary background; 0 on a rig without one.
-    """
-
+    # channel, unit: name and unit
     channel: str
     unit: str
-    stage: str
-    motion: float
-    before: float
-    retuned: float
-    after: float
-    floor: float
+    stage: str  # last stage of the simulation before the channel
+    motion: float  # range in which the channel moved
+    before: float  # RMS error of the rig file as it is written
+    retuned: float  # RMS error of the rig file re-tuned within its tolerance
+    after: float  # RMS error that the answer leaves
+    floor: float  # RMS error that noise alone causes, which the three errors above do not contain
+    # limit, limit_unexplained: errors below which a gap does not matter, and one that no effect
+    # explains
     limit: float
     limit_unexplained: float
+    # RMS error that was taken for an ordinary background; 0 on a rig without one
     background: float = 0.0
 
     @property

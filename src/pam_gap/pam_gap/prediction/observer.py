@@ -32,25 +32,24 @@ from pam_gap.prediction.channel_order import (
 from pam_model.physics.pressure_sensor import pressure_reading, true_pressure
 from pam_model.plant.compile_beside import CompileBeside
 from pam_model.plant.compiled import compiled, entry_point, for_kernel
+from pam_model.plant.joint_muscles import SIDES
 from pam_model.plant.kernel import muscle_pull
 from pam_model.plant.lane_blocks import Lanes, blocks_of_lanes
 from pam_model.plant.lane_choice import VECTOR, LaneKernel
 from pam_model.plant.lane_kernel import advance_lanes, with_loops
-from pam_model.plant.lane_twins import Off
+from pam_model.plant.lane_twins import Variant
 from pam_model.plant.layout import (
-    AGONIST,
     C_AMBIENT,
     C_DRAWN,
     C_EXTERNAL,
+    C_MUSCLES,
     C_SUPPLY,
     M_TUBE,
     N_MUSCLE_CONSTANTS,
     N_MUSCLE_STATES,
-    N_STATES,
     S_PRESSURE,
     S_VALVE_PRESSURE,
-    Y_AGONIST,
-    Y_ANTAGONIST,
+    Y_MUSCLES,
     Y_POSITION,
     Y_RESERVOIR,
     Y_VELOCITY,
@@ -62,7 +61,7 @@ from pam_model.plant.sensors import (
     K_LAG,
     K_OFFSET,
     N_MUSCLE_SENSORS,
-    N_SENSORS,
+    sensors_of,
 )
 
 Array = npt.NDArray[np.float64]
@@ -79,7 +78,7 @@ margin is 76 deg. A delay of 0.64/w uses this up.
 """
 # After the sensors' constants: the share of its error that a lagging pressure sensor loses in one
 # sample, for both muscles.
-K_LAG_SHARES = N_SENSORS
+K_LAG_SHARES = sensors_of(len(SIDES))
 
 
 @compiled
@@ -107,15 +106,15 @@ def start_sample(
         y[Y_VELOCITY] = restart[k, SPEED]
     if anew or window in (FOLLOW_PRESSURES, FOLLOW_BOTH):
         for i in range(2):
-            o = Y_AGONIST + i * N_MUSCLE_STATES
+            o = Y_MUSCLES + i * N_MUSCLE_STATES
             s = i * N_MUSCLE_SENSORS
             gain, bias = sensors[s + K_GAIN], sensors[s + K_BIAS]
             gauge = true_pressure(restart[k, AGONIST_PRESSURE + i], gain, bias)
             y[o + S_PRESSURE] = gauge + c[C_AMBIENT]
             y[o + S_VALVE_PRESSURE] = gauge + c[C_AMBIENT]
     if anew:
-        shown[0] = y[Y_AGONIST + S_PRESSURE] - c[C_AMBIENT]
-        shown[1] = y[Y_AGONIST + N_MUSCLE_STATES + S_PRESSURE] - c[C_AMBIENT]
+        shown[0] = y[Y_MUSCLES + S_PRESSURE] - c[C_AMBIENT]
+        shown[1] = y[Y_MUSCLES + N_MUSCLE_STATES + S_PRESSURE] - c[C_AMBIENT]
 
 
 @compiled
@@ -132,10 +131,10 @@ def correct_pressures(
 ) -> None:
     """Add the errors of both pressures to `total`, and correct the pressures by a part of them."""
     for i in range(2):
-        o = Y_AGONIST + i * N_MUSCLE_STATES
+        o = Y_MUSCLES + i * N_MUSCLE_STATES
         s = i * N_MUSCLE_SENSORS
         channel = AGONIST_PRESSURE + i
-        has_tube = c[AGONIST + i * N_MUSCLE_CONSTANTS + M_TUBE] > 0.0
+        has_tube = c[C_MUSCLES + i * N_MUSCLE_CONSTANTS + M_TUBE] > 0.0
         gain, lag = sensors[s + K_GAIN], sensors[s + K_LAG]
         inside, at_valve = y[o + S_PRESSURE], y[o + S_VALVE_PRESSURE]
         true = (at_valve if has_tube else inside) - c[C_AMBIENT]
@@ -255,11 +254,11 @@ def _observe(
 
 
 @cache
-def _compiled_observer(off: Off) -> Callable[..., None]:
-    """`_observe` compiled for batches in which the constants in `off` are 0."""
+def _compiled_observer(variant: Variant) -> Callable[..., None]:
+    """`_observe` compiled for a variant of the plant."""
     loops = (start_sample, correct_pressures, correct_motion, compare_pulls)
-    made = with_loops(_observe, loops, off)
-    made.__globals__["advance_block"] = advance_lanes(off)
+    made = with_loops(_observe, loops, variant)
+    made.__globals__["advance_block"] = advance_lanes(variant)
     return entry_point(made)
 
 
@@ -294,9 +293,9 @@ def observe(
 
     Parameters
     ----------
-    constants : ndarray, shape (lanes, N_CONSTANTS)
+    constants : ndarray, shape (lanes, n_constants)
         Constants of each plant.
-    sensors : ndarray, shape (lanes, N_SENSORS)
+    sensors : ndarray, shape (lanes, n_sensors)
         Sensor constants of each plant, from `pam_model.plant.sensors.sensor_constants`.
     tables : sequence of two ndarrays
         Force tables in the form that the plant expects.
@@ -304,7 +303,7 @@ def observe(
         Valve commands as logged; each is held for one sample.
     measured, known : ndarray, shape (N, N_CHANNELS)
         Measurements, and whether they are true samples.
-    initial : ndarray, shape (lanes, N_STATES)
+    initial : ndarray, shape (lanes, n_states)
         States at the first sample.
     sample_time, step : float
         Step of the recording and longest step of the integration [s].
@@ -362,12 +361,12 @@ def observe(
         width = group.width
         c, y = group.side_by_side(constants), group.side_by_side(initial)
         ambient = constants[:, C_AMBIENT, None]
-        shown = initial[:, [Y_AGONIST + S_PRESSURE, Y_ANTAGONIST + S_PRESSURE]] - ambient
+        shown = initial[:, Y_MUSCLES + S_PRESSURE :: N_MUSCLE_STATES] - ambient
         # Samples after the last whole block are summed as well, and left out of the result.
         totals = np.zeros((blocks + 1, N_CHANNELS * width))
         if not has_pulls:
             totals[:, AGONIST_FORCE * width :] = np.nan
-        _compiled_observer(group.off)(
+        _compiled_observer(group.variant)(
             group.active,
             c,
             group.side_by_side(with_shares),
@@ -384,7 +383,7 @@ def observe(
             0 if restart is None else window,
             np.zeros((1, 4)) if restart is None else restart,
             y,
-            *(for_kernel(np.zeros(N_STATES * width)) for _ in range(5)),
+            *(for_kernel(np.zeros(initial.shape[1] * width)) for _ in range(5)),
             for_kernel(np.zeros(2 * width)),
             for_kernel(np.zeros(2 * width)),
             for_kernel(np.zeros(width)),

@@ -34,24 +34,21 @@ from pam_gap.rules import DEFAULT, Rules
 from pam_model.physics.pressure_sensor import true_pressure
 from pam_model.plant.compiled import for_kernel
 from pam_model.plant.constants import derive_constants
+from pam_model.plant.joint_muscles import SIDES
 from pam_model.plant.layout import (
-    AGONIST,
     C_AMBIENT,
     C_SUPPLY,
     C_TEMPERATURE,
     M_REGULATOR,
-    N_MUSCLE_CONSTANTS,
-    N_MUSCLE_STATES,
-    N_STATES,
     S_PRESSURE,
     S_SPOOL,
     S_TEMPERATURE,
     S_VALVE_PRESSURE,
-    Y_AGONIST,
     Y_POSITION,
     Y_RESERVOIR,
+    constants_of,
+    states_of,
 )
-from pam_model.plant.layout import MUSCLES as SIDES
 from pam_model.plant.mounting import locked, turned_over
 from pam_model.plant.parameters import INDEX, PlantParameters
 from pam_model.plant.sensors import K_BIAS, K_GAIN, K_OFFSET, N_MUSCLE_SENSORS, sensor_constants
@@ -102,7 +99,7 @@ def as_mounted(values: Array, mounting: str) -> Array:
 def initial_state(constants: Array, sensors: Array, tables: object, data: Channels) -> Array:
     """The plant's state at the first sample: at rest, without creep and thread friction."""
     start = slice(0, min(10, len(data.measured)))
-    y = np.zeros(N_STATES)
+    y = np.zeros(states_of(len(SIDES)))
     y[Y_RESERVOIR] = constants[C_SUPPLY]
     y[Y_POSITION] = (
         float(data.measured[start, POSITION].mean()) - sensors[K_OFFSET]
@@ -110,8 +107,7 @@ def initial_state(constants: Array, sensors: Array, tables: object, data: Channe
         else 0.0
     )
     for i in range(2):
-        m = AGONIST + i * N_MUSCLE_CONSTANTS
-        o = Y_AGONIST + i * N_MUSCLE_STATES
+        m, o = constants_of(i), states_of(i)
         s = i * N_MUSCLE_SENSORS
         reading = float(data.measured[start, AGONIST_PRESSURE + i].mean())
         gauge = true_pressure(reading, sensors[s + K_GAIN], sensors[s + K_BIAS])

@@ -38,23 +38,13 @@ CABLES = "Check the cables and the names in the log, or correct the log with --m
 
 @dataclass(frozen=True, slots=True)
 class Exchange:
-    """A mistake in the wiring or in the log.
+    """A mistake in the wiring or in the log."""
 
-    Attributes
-    ----------
-    words : str
-        What is exchanged, for the answer; `{0}` and `{1}` are the muscles and `{2}` the joint.
-    remedy : str
-        What to change, as a full sentence.
-    commands : tuple of float
-        Signs of both commands.
-    swaps_commands, swaps_pressures, swaps_forces, turns_position : bool
-        What is swapped or reversed.
-    """
-
+    # what is exchanged, for the answer; `{0}` and `{1}` are the muscles and `{2}` the joint
     words: str
-    remedy: str
-    commands: tuple[float, float] = (1.0, 1.0)
+    remedy: str  # what to change, as a full sentence
+    commands: tuple[float, float] = (1.0, 1.0)  # signs of both commands
+    # swaps_commands, swaps_pressures, swaps_forces, turns_position: what is swapped or reversed
     swaps_commands: bool = False
     swaps_pressures: bool = False
     swaps_forces: bool = False
@@ -158,13 +148,7 @@ def _evidence(found: Directions, joint: str) -> str:
 
 
 def wrong_wiring(problem: PredictionProblem) -> tuple[str, ...]:
-    """What is swapped or reversed in the recordings, in full sentences; empty if nothing is.
-
-    Parameters
-    ----------
-    problem : PredictionProblem
-        Rig and recordings.
-    """
+    """What is swapped or reversed in the recordings, in full sentences; empty if nothing is."""
     present, rules = problem.present, problem.rules.recording
     if not present.any() or not problem.counted.any():
         return ()

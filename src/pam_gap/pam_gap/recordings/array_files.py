@@ -2,8 +2,7 @@
 
 A two-dimensional array gives one column for each of its own, named `name.0`, `name.1`, and so on.
 What lies in a group, a structure or an object is called `group.name`, and what lies in a cell
-`name.0.field`. Text, single numbers and
-arrays of other lengths than the longest are left out.
+`name.0.field`. Text, single numbers and arrays of other lengths than the longest are left out.
 """
 
 from __future__ import annotations
@@ -160,10 +159,18 @@ def _hdf5(path: Path) -> Named:
 def _json(path: Path) -> Named:
     text = read_text(path)
     if path.suffix.lower() in (".jsonl", ".ndjson"):
-        content: Any = [json.loads(line) for line in text.splitlines() if line.strip()]
+        lines = enumerate(text.split("\n"), 1)
+        content: Any = [_row(number, line) for number, line in lines if line.strip()]
     else:
         content = json.loads(text)
     yield from _nested("", content)
+
+
+def _row(number: int, line: str) -> Any:
+    try:
+        return json.loads(line)
+    except json.JSONDecodeError as error:
+        raise ValueError(f"line {number}, column {error.colno}: {error.msg}") from None
 
 
 _READERS: Final[Mapping[str, Callable[[Path], Named]]] = {

@@ -37,17 +37,7 @@ _MOST_MEMORY: Final = 3 * MOST_BYTES
 
 
 def read_arrays_apart(path: Path) -> dict[str, Any]:
-    """The columns of a file as `array_files.read_arrays` gives them, read by another process.
-
-    Parameters
-    ----------
-    path : Path
-        A MAT or HDF5 file.
-
-    Returns
-    -------
-    dict of str to ndarray, shape (n,)
-        The columns.
+    """`array_files.read_arrays` of a MAT or HDF5 file, done by another process.
 
     Raises
     ------

@@ -80,15 +80,6 @@ def refuse_other_rig(rig: Rig, joint: int, recordings: Sequence[Recording]) -> N
     A channel that is missing altogether is no reason to refuse: the answer states what cannot be
     judged without it.
 
-    Parameters
-    ----------
-    rig : Rig
-        The rig as its file describes it.
-    joint : int
-        Number of the joint to be diagnosed.
-    recordings : sequence of Recording
-        Recordings with the pressures of its muscles.
-
     Raises
     ------
     RecordingError

@@ -52,20 +52,11 @@ def _longest_bridged(recording: Recording, muscles: Sequence[str], longest_step:
 
 @dataclass(frozen=True, slots=True)
 class BlindTime:
-    """How much of one or more recordings is lost in holes.
+    """How much of one or more recordings is lost in holes."""
 
-    Attributes
-    ----------
-    whole : float
-        Time from the first to the last sample [s].
-    missing : float
-        Time in holes [s].
-    spoiled : float
-        Time in holes, or so soon after one that the prediction is not corrected yet [s].
-    """
-
-    whole: float = 0.0
-    missing: float = 0.0
+    whole: float = 0.0  # time from the first to the last sample [s]
+    missing: float = 0.0  # time in holes [s]
+    # time in holes, or so soon after one that the prediction is not corrected yet [s]
     spoiled: float = 0.0
 
     @property

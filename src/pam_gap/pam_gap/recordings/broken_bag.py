@@ -38,25 +38,15 @@ _BESIDE: Final = ("-journal", "-wal")  # what a killed recorder leaves beside an
 
 @dataclass(slots=True)
 class Salvage:
-    """What was found in one storage file.
+    """What was found in one storage file."""
 
-    Attributes
-    ----------
-    messages : int
-        Number of intact messages.
-    start, end : int
-        Times of the first and the last intact message [ns].
-    known_end : int
-        Time of the last message according to the file [ns]; 0 if the file does not state it.
-    damage : list of str
-        Description of the damage.
-    """
-
-    messages: int = 0
+    messages: int = 0  # number of intact messages
+    # start, end: times of the first and the last intact message [ns]
     start: int = 0
     end: int = 0
+    # time of the last message according to the file [ns]; 0 if the file does not state it
     known_end: int = 0
-    damage: list[str] | None = None
+    damage: list[str] | None = None  # description of the damage
 
 
 def storage_files(path: Path) -> list[Path]:

@@ -112,24 +112,12 @@ class MappedColumn:
 
 @dataclass(frozen=True, slots=True)
 class ColumnMap:
-    """The channels of a table.
+    """The channels of a table."""
 
-    Attributes
-    ----------
-    source : Path
-        The map file.
-    channels : mapping of str to MappedColumn
-        Channel of the rig contract -> column.
-    time : MappedColumn or None
-        Column of the time [s]; None for a table with a constant rate.
-    rate : float
-        Rate [Hz] of a table without a time; 0 for a bag, which has stamps.
-    """
-
-    source: Path
-    channels: Mapping[str, MappedColumn]
-    time: MappedColumn | None
-    rate: float = 0.0
+    source: Path  # the map file
+    channels: Mapping[str, MappedColumn]  # channel of the rig contract -> column
+    time: MappedColumn | None  # column of the time [s]; None for a table with a constant rate
+    rate: float = 0.0  # rate [Hz] of a table without a time; 0 for a bag, which has stamps
 
     def apply(self, path: Path, columns: Mapping[str, Array]) -> dict[str, Array]:
         """Time and channels of a table with these columns.

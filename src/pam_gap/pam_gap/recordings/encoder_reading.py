@@ -14,7 +14,7 @@ import numpy as np
 
 from pam_gap.recordings.recording import JOINTS, PRESSURES, TURNED_OVER, Array, Recording
 from pam_model.errors import PamError
-from pam_model.joints.antagonistic_joint import AntagonisticJoint
+from pam_model.joints.joint_statics import JointStatics
 from pam_model.rig import Rig
 from pam_model.robot import compose
 from pam_model.views.gravity import gravity_torque
@@ -37,21 +37,11 @@ RIGHT_ANGLE = 0.3
 
 @dataclass(frozen=True, slots=True)
 class EncoderReading:
-    """How a recorded position follows from the angle of the joint.
+    """How a recorded position follows from the angle of the joint."""
 
-    Attributes
-    ----------
-    unit : str
-        Its unit.
-    is_reversed : bool
-        Whether it counts the other way.
-    offset : float
-        What it shows at the angle 0 [rad].
-    """
-
-    unit: str
-    is_reversed: bool
-    offset: float
+    unit: str  # its unit
+    is_reversed: bool  # whether it counts the other way
+    offset: float  # what it shows at the angle 0 [rad]
 
     @property
     def right_angles(self) -> int:
@@ -89,7 +79,7 @@ def equilibria(rig: Rig, joint: int, pressures: Array) -> Array:
     """
     robot = compose(rig)
     entry = robot.joints[joint]
-    statics = AntagonisticJoint.from_robot(robot, entry)
+    statics = JointStatics.from_robot(robot, entry)
     pairs = [(float(a), float(b)) for a, b in np.maximum(pressures, 0.0)]
     angles, rows = [], []
     for angle in np.linspace(*entry.position_limits, ANGLES).tolist():

@@ -87,15 +87,6 @@ def without_frozen(
 
     A prediction goes on without a position. Without one of the pressures it drifts away and takes
     the position with it, so that all pressures are unknown there and the recording is cut.
-
-    Parameters
-    ----------
-    recording : Recording
-        A recording of the rig.
-    muscles : tuple of str
-        Muscles of the joint.
-    rules : RecordingRules
-        Constants of the judgement.
     """
     pressures = [f"{PRESSURES}{m}" for m in muscles if recording.has(f"{PRESSURES}{m}")]
     valid: dict[str, Mask] = {name: known.copy() for name, known in recording.valid.items()}

@@ -9,7 +9,8 @@ from pam_gap.recordings.broken_bag import ROSBAG1
 from pam_gap.recordings.column_map import ColumnMap
 from pam_gap.recordings.import_csv import TABLES, is_table, read_table
 from pam_gap.recordings.import_rosbag import is_rosbag, read_rosbag
-from pam_gap.recordings.recording import RawRecording, Recording, RecordingError, resample
+from pam_gap.recordings.recording import RawRecording, Recording, RecordingError
+from pam_gap.recordings.resample import resample
 
 
 def is_bag(path: Path) -> bool:

@@ -69,15 +69,6 @@ EMPTIED_TIME = 0.5
 def refuse_other_units(rig: Rig, joint: int, recordings: Sequence[Recording]) -> None:
     """Refuse recordings with numbers that cannot have the units of the rig contract.
 
-    Parameters
-    ----------
-    rig : Rig
-        The rig as its file describes it.
-    joint : int
-        Number of the joint to be diagnosed.
-    recordings : sequence of Recording
-        Recordings with the pressures of its muscles.
-
     Raises
     ------
     RecordingError

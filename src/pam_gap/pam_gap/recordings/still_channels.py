@@ -53,17 +53,6 @@ def without_still(
 
     A joint whose position never changes by more than its noise is treated as locked, unless an
     external torque was recorded, against which dry friction can hold it.
-
-    Parameters
-    ----------
-    recording : Recording
-        A recording of the rig.
-    rig : Rig
-        The rig as its file describes it.
-    joint : int
-        Number of the joint.
-    rules : RecordingRules
-        Constants of the judgement.
     """
     entry = rig.joints[joint]
     position = f"{JOINTS}{entry.name}.position"

@@ -52,27 +52,14 @@ _ZERO: Final = re.compile(
 
 @dataclass(frozen=True, slots=True)
 class TableLayout:
-    """How a table of text is to be read.
+    """How a table of text is to be read."""
 
-    Attributes
-    ----------
-    names : tuple of str
-        A name for each column; empty where none is given.
-    units : dict of str to str
-        The units that stand below the names, by name, as `bar` or `bar absolute`.
-    between : str or None
-        What separates the columns; None for blanks.
-    decimal : str
-        The decimal mark.
-    first : int
-        Number of the line with the first numbers, from 0.
-    """
-
-    names: tuple[str, ...]
+    names: tuple[str, ...]  # a name for each column; empty where none is given
+    # the units that stand below the names, by name, as `bar` or `bar absolute`
     units: dict[str, str]
-    between: str | None
-    decimal: str
-    first: int
+    between: str | None  # what separates the columns; None for blanks
+    decimal: str  # the decimal mark
+    first: int  # number of the line with the first numbers, from 0
 
 
 Rows = list[tuple[int, list[str]]]

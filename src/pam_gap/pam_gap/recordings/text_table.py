@@ -37,21 +37,11 @@ _DAY: Final = 86400.0
 
 @dataclass(frozen=True, slots=True)
 class Text:
-    """The entries of a column that are no numbers.
+    """The entries of a column that are no numbers."""
 
-    Attributes
-    ----------
-    count : int
-        How many there are.
-    first : str
-        The first of them.
-    row : int
-        Its row, from 1.
-    """
-
-    count: int
-    first: str
-    row: int
+    count: int  # how many there are
+    first: str  # the first of them
+    row: int  # its row, from 1
 
     def __str__(self) -> str:
         return f"text such as {shown(self.first)} in row {self.row}"
@@ -59,24 +49,13 @@ class Text:
 
 @dataclass(slots=True)
 class Table:
-    """The columns of a table as numbers, and what is to be known of them.
+    """The columns of a table as numbers, and what is to be known of them."""
 
-    Attributes
-    ----------
-    columns : dict of str to ndarray, shape (n,)
-        The columns; NaN for what is no number.
-    texts : dict of str to Text
-        What text is in columns, by name.
-    units : dict of str to str
-        Units that stand below the names, as `bar` or `bar absolute`.
-    remarks : list of str
-        What was not read.
-    """
-
-    columns: dict[str, Array]
-    texts: dict[str, Text] = field(default_factory=dict)
+    columns: dict[str, Array]  # shape (n,): the columns; NaN for what is no number
+    texts: dict[str, Text] = field(default_factory=dict)  # what text is in columns, by name
+    # units that stand below the names, as `bar` or `bar absolute`
     units: dict[str, str] = field(default_factory=dict)
-    remarks: list[str] = field(default_factory=list)
+    remarks: list[str] = field(default_factory=list)  # what was not read
 
     @classmethod
     def of_frame(cls, frame: Any, decimal: str = ".") -> Table:

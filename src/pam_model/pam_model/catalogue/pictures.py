@@ -213,8 +213,8 @@ def identification() -> Figure:
     return draw_fit(fit("tondu_lopez", points, CONTRACTOR), points)
 
 
-def _shrinking_path(points: int = 600) -> list[float]:
-    phase = np.linspace(0.0, 6.0 * math.pi, points)
+def _shrinking_path() -> list[float]:
+    phase = np.linspace(0.0, 6.0 * math.pi, 600)
     return list((1.0 - phase / (8.0 * math.pi)) * np.sin(phase))
 
 

@@ -17,37 +17,20 @@ FAMILIES = (
 
 @dataclass(frozen=True, slots=True)
 class CatalogueRow:
-    """One row.
+    """One row."""
 
-    Attributes
-    ----------
-    key : str
-        Name for `pam model show`, for the picture and for links.
-    family : str
-        One of `FAMILIES`.
-    title : str
-        Heading for a reader.
-    equations : str
-        Equation numbers in the review; empty for length-force models, which register them.
-    status : str
-        derived, published, empirical or stand-in; empty for length-force models, as above.
-    models : tuple of str
-        Names of length-force models, as a rig file's `<muscle>.model` gives them.
-    objects : tuple of str
-        "module:name" of other classes and functions that implement the row.
-    domain : str
-        Where the model is valid.
-    use, avoid : str
-        What the model is suited for, and what it is not suited for.
-    """
-
-    key: str
-    family: str
-    title: str
+    key: str  # name for `pam model show`, for the picture and for links
+    family: str  # one of `FAMILIES`
+    title: str  # heading for a reader
+    # equation numbers in the review; empty for length-force models, which register them
     equations: str = ""
+    # derived, published, empirical or stand-in; empty for length-force models, as above
     status: str = ""
+    # names of length-force models, as a rig file's `<muscle>.model` gives them
     models: tuple[str, ...] = ()
+    # "module:name" of other classes and functions that implement the row
     objects: tuple[str, ...] = ()
-    domain: str = ""
+    domain: str = ""  # where the model is valid
+    # use, avoid: what the model is suited for, and what it is not suited for
     use: str = ""
     avoid: str = ""

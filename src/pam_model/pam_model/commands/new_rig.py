@@ -27,24 +27,13 @@ FLOW, REGULATOR = "flow", "pressure_regulator"
 
 
 class Question(NamedTuple):
-    """One number of the rig.
+    """One number of the rig."""
 
-    Attributes
-    ----------
-    name : str
-        Of the option.
-    text : str
-        What is asked.
-    default : str
-        What an Enter means; the name of an earlier question for the same answer as there.
-    read : callable
-        Type of the answer.
-    """
-
-    name: str
-    text: str
+    name: str  # of the option
+    text: str  # what is asked
+    # what an Enter means; the name of an earlier question for the same answer as there
     default: str
-    read: Callable[[str], Any]
+    read: Callable[[str], Any]  # type of the answer
 
 
 QUESTIONS = (

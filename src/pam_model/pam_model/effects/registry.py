@@ -180,7 +180,7 @@ def filled[S: Slot](kind: type[S]) -> tuple[tuple[Effect, S], ...]:
 
 
 def switched_on[S: Slot](
-    kind: type[S], effects: EffectValues, treatment: type | None = None
+    kind: type[S], effects: EffectValues
 ) -> list[tuple[Effect, S, tuple[float, ...]]]:
     """The effects that fill a kind of slot and that a muscle, joint or rig has.
 
@@ -190,8 +190,6 @@ def switched_on[S: Slot](
         The kind of slot.
     effects : mapping
         The effects of the muscle, joint or rig.
-    treatment : type, optional
-        Only effects that the controller treats in this way.
 
     Returns
     -------
@@ -201,7 +199,7 @@ def switched_on[S: Slot](
     return [
         (effect, slot, effect.values(effects))
         for effect, slot in filled(kind)
-        if active(effect, effects) and (treatment is None or isinstance(effect.control, treatment))
+        if active(effect, effects)
     ]
 
 

@@ -26,50 +26,25 @@ DRAWS = 2000
 
 @dataclass(frozen=True, slots=True)
 class RankedModel:
-    """One model in the ranking.
+    """One model in the ranking."""
 
-    Attributes
-    ----------
-    fit : FitResult
-        The model on all points, and its held-out error.
-    free_numbers : int
-        Number of fitted numbers.
-    low, high : float
-        95 % bootstrap interval of the held-out error [unit].
-    ties : tuple of str
-        Models that the data cannot separate from this one.
-    """
-
-    fit: FitResult
-    free_numbers: int
+    fit: FitResult  # the model on all points, and its held-out error
+    free_numbers: int  # number of fitted numbers
+    # low, high: 95 % bootstrap interval of the held-out error [unit]
     low: float
     high: float
-    ties: tuple[str, ...]
+    ties: tuple[str, ...]  # models that the data cannot separate from this one
 
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """Models on one branch of the points, best first.
+    """Models on one branch of the points, best first."""
 
-    Attributes
-    ----------
-    data : Measurements
-        The points.
-    branch : str
-        Name of the branch, or "".
-    unit : str
-        Unit of the errors.
-    ranking : tuple of RankedModel
-        Smallest held-out error first.
-    refused : dict of str to str
-        Models that could not be fitted, with the reason.
-    """
-
-    data: Measurements
-    branch: str
-    unit: str
-    ranking: tuple[RankedModel, ...]
-    refused: Mapping[str, str]
+    data: Measurements  # the points
+    branch: str  # name of the branch, or ""
+    unit: str  # unit of the errors
+    ranking: tuple[RankedModel, ...]  # smallest held-out error first
+    refused: Mapping[str, str]  # models that could not be fitted, with the reason
 
     def table(self) -> str:
         """The ranking as text."""

@@ -51,44 +51,25 @@ class FittedParameter:
 
 @dataclass(frozen=True, slots=True)
 class FitResult:
-    """A fitted model: its numbers, their intervals and the errors of the fit.
+    """A fitted model: its numbers, their intervals and the errors of the fit."""
 
-    Attributes
-    ----------
-    model : str
-        Name of the force model.
-    geometry : MuscleGeometry
-        As fitted or given.
-    constants : dict of str to float
-        As fitted or given; usable as a rig file's `model_parameters`.
-    parameters : dict of str to FittedParameter
-        All numbers with their intervals.
-    training_error, held_out_error : float
-        Root mean square [unit].
-    unit : str
-        N or m.
-    held_out : array
-        Held-out residual of every point, model minus measurement [unit].
-    points, blocks : int
-        Number of points and of blocks.
-    outside : int
-        Of the points, those outside the model's domain at the fitted numbers. Each counts with an
-        error as large as the largest force.
-    partners : mapping of str to tuple of str
-        For numbers that the data do not determine, the numbers with which they are exchanged.
-    """
-
-    model: str
-    geometry: MuscleGeometry
-    constants: Mapping[str, float]
-    parameters: Mapping[str, FittedParameter]
+    model: str  # name of the force model
+    geometry: MuscleGeometry  # as fitted or given
+    constants: Mapping[str, float]  # as fitted or given; usable as a rig file's `model_parameters`
+    parameters: Mapping[str, FittedParameter]  # all numbers with their intervals
+    # training_error, held_out_error: root mean square [unit]
     training_error: float
     held_out_error: float
-    unit: str
+    unit: str  # N or m
+    # held-out residual of every point, model minus measurement [unit]
     held_out: Array = field(repr=False)
+    # points, blocks: number of points and of blocks
     points: int
     blocks: int
+    # Of the points, those outside the model's domain at the fitted numbers. Each counts with an
+    # error as large as the largest force.
     outside: int = 0
+    # for numbers that the data do not determine, the numbers with which they are exchanged
     partners: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     def as_dict(self) -> dict[str, Any]:

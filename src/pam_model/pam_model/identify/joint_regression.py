@@ -18,7 +18,7 @@ from scipy.signal import butter, lfilter, sosfiltfilt
 
 from pam_model.errors import PamError
 from pam_model.gas import GAS_CONSTANT
-from pam_model.joints.antagonistic_joint import AntagonisticJoint
+from pam_model.joints.joint_statics import JointStatics
 from pam_model.physics.joint_geometry import AGONIST_SIGN, ANTAGONIST_SIGN, muscle_length
 from pam_model.rig.types import Muscle, Rig
 from pam_model.robot.compose import compose
@@ -37,27 +37,13 @@ ROUNDS = 3
 
 @dataclass(frozen=True, slots=True)
 class MotionRecord:
-    """Signals of one joint at a constant rate.
+    """Signals of one joint at a constant rate."""
 
-    Attributes
-    ----------
-    sample_time : float
-        [s].
-    commands : ndarray, shape (N, 2) or None
-        Of the valves, agonist first.
-    pressures : ndarray, shape (N, 2)
-        [Pa gauge].
-    position : ndarray, shape (N,)
-        [rad].
-    turned : float
-        Angle by which the joint is mounted differently from the rig file [rad].
-    """
-
-    sample_time: float
-    commands: Array | None
-    pressures: Array
-    position: Array
-    turned: float = 0.0
+    sample_time: float  # [s]
+    commands: Array | None  # shape (N, 2): of the valves, agonist first
+    pressures: Array  # shape (N, 2): [Pa gauge]
+    position: Array  # shape (N,): [rad]
+    turned: float = 0.0  # angle by which the joint is mounted differently from the rig file [rad]
 
 
 def corner_of(sample_time: float) -> float:
@@ -123,17 +109,17 @@ def ridge(
 
 def _tensions(rig: Rig, joint: int, pressures: Array, position: Array) -> Array:
     """Torque of either muscle alone, agonist and antagonist, shape (N, 2); NaN outside a model."""
-    model = AntagonisticJoint.from_rig(rig, joint)
+    model = JointStatics.from_rig(rig, joint)
     torque = np.full((len(position), 2), np.nan)
-    for k, (q, (first, second)) in enumerate(
+    for k, (q, pair) in enumerate(
         zip(position.tolist(), np.maximum(pressures, 0.0).tolist(), strict=True)
     ):
         try:
-            pulls = model.tensions(first, second, q)
+            pulls = model.tensions(pair, q)
         except PamError:
             continue
         torque[k] = pulls[0], -pulls[1]
-    return model.pulley_radius * torque
+    return model.radius * torque
 
 
 def body_regression(

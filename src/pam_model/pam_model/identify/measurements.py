@@ -49,42 +49,19 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Measurements:
-    """Points of one muscle; all arrays have one entry per point.
+    """Points of one muscle; all arrays have one entry per point."""
 
-    Attributes
-    ----------
-    name : str
-        Source of the points, for messages and figures.
-    pressure : array
-        Gauge [Pa].
-    position : array
-        Length [m], or shortening from an unknown rest length [m].
-    force : array
-        Pull [N].
-    velocity : array
-        Lengthening speed [m/s].
-    block : array of str
-        Run or cycle; held out one at a time.
-    cluster : array of int
-        Points that share their errors (one moment, one stop), for intervals and the bootstrap.
-    branch : array of str
-        "" or the name of the branch.
-    is_shortening : bool
-        Whether `position` is a shortening.
-    assumptions : tuple of str
-        Assumptions made when the table was read.
-    """
-
-    name: str
-    pressure: Array
-    position: Array
-    force: Array
-    velocity: Array
-    block: npt.NDArray[np.str_]
+    name: str  # source of the points, for messages and figures
+    pressure: Array  # gauge [Pa]
+    position: Array  # length [m], or shortening from an unknown rest length [m]
+    force: Array  # pull [N]
+    velocity: Array  # lengthening speed [m/s]
+    block: npt.NDArray[np.str_]  # run or cycle; held out one at a time
+    # points that share their errors (one moment, one stop), for intervals and the bootstrap
     cluster: npt.NDArray[np.int64]
-    branch: npt.NDArray[np.str_]
-    is_shortening: bool
-    assumptions: tuple[str, ...] = ()
+    branch: npt.NDArray[np.str_]  # "" or the name of the branch
+    is_shortening: bool  # whether `position` is a shortening
+    assumptions: tuple[str, ...] = ()  # assumptions made when the table was read
 
     def __len__(self) -> int:
         return int(self.pressure.size)

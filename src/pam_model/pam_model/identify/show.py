@@ -25,12 +25,12 @@ PRESSURES = (1e5, 2e5, 3e5, 4e5, 5e5)
 _POINTS = 121
 
 
-def new_figure(panels: int = 1, height: float = 3.0) -> tuple[Figure, list[Axes]]:
+def new_figure(panels: int = 1) -> tuple[Figure, list[Axes]]:
     """A figure without a window, with its panels side by side."""
     # Figure instead of pyplot: it needs neither global state nor a display.
     from matplotlib.figure import Figure  # noqa: PLC0415
 
-    figure = Figure(figsize=(3.1 * panels if panels > 1 else 4.4, height), layout="constrained")
+    figure = Figure(figsize=(3.1 * panels if panels > 1 else 4.4, 3.0), layout="constrained")
     axes = [figure.add_subplot(1, panels, i + 1) for i in range(panels)]
     for axis in axes:
         axis.grid(alpha=0.3, linewidth=0.5)

@@ -16,7 +16,7 @@ from pam_model.errors import PamError
 from pam_model.gas.constants import GAS_CONSTANT, REFERENCE_TEMPERATURE
 from pam_model.gas.flow import mass_flow, reference_flow
 from pam_model.identify.design import MuscleDesign, design
-from pam_model.joints.antagonistic_joint import AntagonisticJoint
+from pam_model.joints.joint_statics import JointStatics
 from pam_model.rig.from_datasheet import BraidFromDatasheet
 from pam_model.rig.new_rig import NewRig
 from pam_model.rig.types import Rig
@@ -34,33 +34,16 @@ POINTS = 41
 
 @dataclass(frozen=True, slots=True)
 class JointSize:
-    """A joint that meets the requirements.
+    """A joint that meets the requirements."""
 
-    Attributes
-    ----------
-    torque : float
-        Wanted at every angle [N m].
-    pulley_radius : float
-        [m].
-    muscle : MuscleDesign
-        Each of the two muscles.
-    peak_flow : float
-        Largest mass flow that a valve has to pass [kg/s].
-    sonic_conductance : float
-        C of a valve that passes it, into the muscle and out of it [m^3/(s Pa)].
-    nominal_flow : float
-        The same as catalogues state it, from 6 to 5 bar gauge [l/min ANR].
-    supply_pressure : float
-        For which the valve is sized [Pa gauge].
-    """
-
-    torque: float
-    pulley_radius: float
-    muscle: MuscleDesign
-    peak_flow: float
+    torque: float  # wanted at every angle [N m]
+    pulley_radius: float  # [m]
+    muscle: MuscleDesign  # each of the two muscles
+    peak_flow: float  # largest mass flow that a valve has to pass [kg/s]
+    # C of a valve that passes it, into the muscle and out of it [m^3/(s Pa)]
     sonic_conductance: float
-    nominal_flow: float
-    supply_pressure: float
+    nominal_flow: float  # the same as catalogues state it, from 6 to 5 bar gauge [l/min ANR]
+    supply_pressure: float  # for which the valve is sized [Pa gauge]
 
     @property
     def braid(self) -> BraidFromDatasheet:
@@ -193,7 +176,7 @@ def torque_and_stiffness(rig: Rig, pressure: float) -> dict[str, list[float]]:
         `greatest_stiffness` [N m/rad] without torque.
     """
     joint = rig.joints[0]
-    model = AntagonisticJoint.from_rig(rig, joint.name)
+    model = JointStatics.from_rig(rig, joint.name)
     lower, upper = joint.position_limits
     found: dict[str, list[float]] = {
         name: []
@@ -206,8 +189,8 @@ def torque_and_stiffness(rig: Rig, pressure: float) -> dict[str, list[float]]:
         low, high = (model.pressures_for(0.0, k, position).stiffness for k in (0.0, 1e9))
         for name, value in zip(
             found,
-            (position, model.torque(pressure, 0.0, position),
-             model.torque(0.0, pressure, position), low, high),
+            (position, model.torque((pressure, 0.0), position),
+             model.torque((0.0, pressure), position), low, high),
             strict=True,
         ):  # fmt: skip
             found[name].append(float(value))

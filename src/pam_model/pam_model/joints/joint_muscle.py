@@ -9,27 +9,15 @@ from pam_model.muscles.force_model import AffineForceModel, ForceModel
 
 @dataclass(frozen=True, slots=True)
 class JointMuscle:
-    """The properties of a muscle that its joint needs.
+    """The properties of a muscle that its joint needs."""
 
-    Attributes
-    ----------
-    model : ForceModel
-        The static force.
-    neutral_length : float
-        At joint position 0 [m].
-    low_pressure, high_pressure : float
-        Range of the commands [Pa gauge].
-    dead_volume : float
-        [m^3].
-    affine_model : AffineForceModel or None
-        The same model if it is affine in pressure, so that its inverse is exact.
-    """
-
-    model: ForceModel
-    neutral_length: float
+    model: ForceModel  # the static force
+    neutral_length: float  # at joint position 0 [m]
+    # low_pressure, high_pressure: range of the commands [Pa gauge]
     low_pressure: float
     high_pressure: float
-    dead_volume: float = 0.0
+    dead_volume: float = 0.0  # [m^3]
+    # the same model if it is affine in pressure, so that its inverse is exact
     affine_model: AffineForceModel | None = field(init=False)
 
     def __post_init__(self) -> None:
@@ -40,27 +28,16 @@ class JointMuscle:
 
 @dataclass(slots=True)
 class JointPressures:
-    """Pressures, the achieved torque and stiffness, and which requests were limited.
+    """Pressures, the achieved torque and stiffness, and which requests were limited."""
 
-    Attributes
-    ----------
-    pressures : tuple of float
-        One for each muscle of the joint, in its order [Pa gauge].
-    torque : float
-        Achieved [N m].
-    stiffness : float
-        Achieved, at constant pressures [N m/rad].
-    torque_limited, stiffness_limited : bool
-        Whether the request was outside the reachable range; torque has priority over stiffness.
-    position_limited : bool
-        Whether the position was outside `position_range` and its nearest limit was used.
-    """
-
-    pressures: tuple[float, ...]
-    torque: float
-    stiffness: float
+    pressures: tuple[float, ...]  # one for each muscle of the joint, in its order [Pa gauge]
+    torque: float  # achieved [N m]
+    stiffness: float  # achieved, at constant pressures [N m/rad]
+    # torque_limited, stiffness_limited: whether the request was outside the reachable range; torque
+    # has priority over stiffness
     torque_limited: bool
     stiffness_limited: bool
+    # whether the position was outside `position_range` and its nearest limit was used
     position_limited: bool
 
     @property

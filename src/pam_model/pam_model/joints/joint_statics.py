@@ -149,8 +149,15 @@ class JointStatics:
         )
 
     @classmethod
-    def from_rig(cls, rig: Rig, joint: str | int = 0) -> JointStatics:
-        """The joint of the robot that a rig file describes; otherwise as `from_robot`.
+    def from_rig(
+        cls,
+        rig: Rig,
+        joint: str | int = 0,
+        *,
+        min_pressure: float = 0.0,
+        pressure_share: float = 1.0,
+    ) -> JointStatics:
+        """The joint, by name or number, of the robot of a rig file; otherwise as `from_robot`.
 
         Raises
         ------
@@ -158,7 +165,12 @@ class JointStatics:
             For an unknown joint.
         """
         robot = compose(rig)
-        return cls.from_robot(robot, robot.joints[rig.joint_number(joint)])
+        return cls.from_robot(
+            robot,
+            robot.joints[rig.joint_number(joint)],
+            min_pressure=min_pressure,
+            pressure_share=pressure_share,
+        )
 
     def lengths(self, position: float) -> tuple[float, ...]:
         """Lengths of the muscles [m] at a position [rad]."""

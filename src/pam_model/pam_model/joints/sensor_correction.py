@@ -13,13 +13,7 @@ from pam_model.robot.robot import Robot
 
 
 class SensorCorrection:
-    """The static sensor errors that a rig file names.
-
-    Parameters
-    ----------
-    robot : Robot
-        Gives the sensors.
-    """
+    """The static sensor errors that a rig file names."""
 
     def __init__(self, robot: Robot) -> None:
         self._offsets = [joint.position_offset for joint in robot.joints]

@@ -16,8 +16,7 @@ from pam_model.plant.compiled import entry_point, for_kernel
 from pam_model.plant.kernel import record
 from pam_model.plant.lane_blocks import Lanes
 from pam_model.plant.lane_kernel import advance_lanes, with_loops
-from pam_model.plant.lane_twins import LANES, Off
-from pam_model.plant.layout import N_OUTPUTS, N_STATES
+from pam_model.plant.lane_twins import LANES, Variant
 
 Array = npt.NDArray[np.float64]
 
@@ -52,7 +51,7 @@ def run_block(
     for k in range(len(commands)):
         record_lanes(active, c, tables, y, output)
         for lane in range(len(members)):
-            for i in range(N_OUTPUTS):
+            for i in range(len(output) // LANES):
                 outputs[members[lane], k, i] = output[i * LANES + lane]
         advance_block(
             active, c, tables, y, k1, k2, k3, k4, ys, held, contact, torque, drive, commands, k,
@@ -61,10 +60,10 @@ def run_block(
 
 
 @cache
-def _compiled_run(off: Off) -> Callable[..., None]:
-    """`run_block` compiled for lanes in which the constants in `off` are 0."""
-    made = with_loops(run_block, (record,), off)
-    made.__globals__["advance_block"] = advance_lanes(off)
+def _compiled_run(variant: Variant) -> Callable[..., None]:
+    """`run_block` compiled for a variant of the plant."""
+    made = with_loops(run_block, (record,), variant)
+    made.__globals__["advance_block"] = advance_lanes(variant)
     return entry_point(made)
 
 
@@ -87,14 +86,14 @@ def simulate_block(
         Several lanes.
     constants : (n_batch, n_constants) array
         Of each plant of the batch.
-    tables : tuple of two arrays
-        Force tables of both muscles.
-    commands : (n, 2) array
+    tables : tuple of arrays
+        Force table of each muscle.
+    commands : (n, n_muscles) array
         As for `simulate`.
     states : (n_batch, n_states) array
         Of each plant, before and after.
     outputs : (n_batch, n, n_outputs) array
-        In the order of layout.OUTPUT_NAMES.
+        In the order of layout.output_names.
     sample_time : float
         [s].
     shut : bool
@@ -102,7 +101,8 @@ def simulate_block(
     """
     width = group.width
     y = group.side_by_side(states)
-    _compiled_run(group.off)(
+    muscles = len(tables)
+    _compiled_run(group.variant)(
         group.active,
         group.members,
         group.side_by_side(constants),
@@ -112,12 +112,12 @@ def simulate_block(
         sample_time,
         group.steps,
         y,
-        *(for_kernel(np.zeros(N_STATES * width)) for _ in range(5)),
-        for_kernel(np.zeros(2 * width)),
+        *(for_kernel(np.zeros(states.shape[1] * width)) for _ in range(5)),
+        for_kernel(np.zeros(muscles * width)),
         for_kernel(np.zeros(2 * width)),
         for_kernel(np.zeros(width)),
-        for_kernel(np.zeros(N_OUTPUTS * width)),
-        np.zeros(3),
+        for_kernel(np.zeros(outputs.shape[2] * width)),
+        np.zeros(1 + muscles),
         outputs,
     )
-    states[group.members] = y.reshape(N_STATES, width).T[: len(group.members)]
+    states[group.members] = y.reshape(-1, width).T[: len(group.members)]

@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from pam_model.plant.compiled import HAVE_NUMBA, is_on_disk
 from pam_model.plant.lane_choice import LaneKernel, lane_kernels
-from pam_model.plant.lane_twins import Off, kernel_name
+from pam_model.plant.lane_twins import LaneVariant, kernel_name
 
 WORTH: Final = 4_000_000
 """Samples or steps of one joint that a kernel must have to simulate: about a second of work."""
@@ -32,8 +32,8 @@ READING: Final = 1.0
 
 
 @cache
-def _on_disk(function: str, off: Off) -> bool:
-    return is_on_disk(f"{function}_{kernel_name(off)}")
+def _on_disk(function: str, variant: LaneVariant) -> bool:
+    return is_on_disk(f"{function}_{kernel_name(variant)}")
 
 
 class CompileBeside:
@@ -101,10 +101,10 @@ class CompileBeside:
         for kernel in lane_kernels(constants):
             own = np.flatnonzero(kernel.serves & left)
             if own.size > kernel.few and self.is_ready(
-                kernel.off,
+                kernel.variant,
                 own.size * work,
                 partial(compile_it, kernel, int(own[0])),
-                _on_disk(self._function, kernel.off),
+                _on_disk(self._function, kernel.variant),
             ):
                 ready.append(kernel)
             left[own] = False

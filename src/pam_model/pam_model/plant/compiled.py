@@ -2,9 +2,10 @@
 
 The laws of effects, gas and friction are plain functions of floats that the whole suite calls. When
 the plant compiles a function, the plain functions that it calls by name are compiled as well, so
-that no law is written twice. The environment variable PAM_NO_NUMBA=1 forces plain Python. A
-compiled function takes arrays, a plain one takes lists, because Python indexes a list about twenty
-times faster than a numpy array. `for_kernel` converts an array to the right type.
+that no law is written twice. The environment variable PAM_NO_NUMBA=1, or numba's own
+NUMBA_DISABLE_JIT=1, forces plain Python. A compiled function takes arrays, a plain one takes lists,
+because Python indexes a list about twenty times faster than a numpy array. `for_kernel` converts an
+array to the right type.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ try:
 
     from pam_model.machine_code_cache import keep_machine_code
 
-    HAVE_NUMBA = True
+    HAVE_NUMBA = not numba.config.DISABLE_JIT
 except ImportError:
     HAVE_NUMBA = False
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 import numpy.typing as npt
@@ -18,8 +19,9 @@ from pam_model.effects.declaration import Effect
 from pam_model.effects.slots import TARGETS, Adjusts, Chamber, DryFriction, Law, Thread
 from pam_model.gas import GAS_CONSTANT, choking_slope, reference_density
 from pam_model.plant import layout as lay
+from pam_model.plant.joint_muscles import PAIR, JointMuscles, names_of
 from pam_model.plant.layout import EffectConstants
-from pam_model.plant.parameters import INDEX, parameter_names
+from pam_model.plant.parameters import parameter_names, parameter_table
 
 Vector = npt.NDArray[np.float64]
 WIDEST = 25.0
@@ -28,7 +30,6 @@ SHORTEST_SHARE = 0.05  # of the thread length; no braid is as short, but a diver
 RIGID_CONTACT = 1.0001e-4
 """Presliding angle [rad] up to which a contact is modelled as rigid: encoders hardly resolve it,
 and its stiffness would need very short integration steps."""
-SIDES = ((lay.MUSCLES[0], lay.AGONIST), (lay.MUSCLES[1], lay.ANTAGONIST))
 _FRICTIONS = filled(DryFriction)
 _CHAMBERS = filled(Chamber)
 _THREADS = filled(Thread)
@@ -64,64 +65,95 @@ class _StoredEffect:
     places: tuple[int, ...]
 
 
-def _places(effect: Effect, owner: str) -> tuple[int, ...]:
-    """Indices of an effect's parameters in the vector; `owner` is "" or a muscle with a dot."""
-    return tuple(INDEX[f"{owner}{effect.name}.{key}"] for key in effect.parameters)
+@dataclass(frozen=True, slots=True)
+class _Derivation:
+    """Where the numbers of a joint with certain muscles are in its vector.
+
+    Attributes
+    ----------
+    adjusted : tuple of _Adjusted
+        Every target of `effects.slots.TARGETS`, of the joint and of each muscle.
+    stored : mapping of str to tuple of _StoredEffect
+        Effects whose parameters are kernel constants, by owner: "" or a muscle with a dot.
+    written : mapping of str to mapping
+        By owner: index of each number that the rig file states of a muscle.
+    presliding : tuple of int
+        Indices of the presliding angles.
+    index : mapping of str to int
+        Of all parameters.
+    """
+
+    adjusted: tuple[_Adjusted, ...]
+    stored: Mapping[str, tuple[_StoredEffect, ...]]
+    written: Mapping[str, Mapping[str, int]]
+    presliding: tuple[int, ...]
+    index: Mapping[str, int]
 
 
-def _adjusted_of(owner: str) -> tuple[_Adjusted, ...]:
-    scope = "muscle" if owner else "joint"
-    return tuple(
-        _Adjusted(
-            owner + target,
-            0.0 if entry.ideal is None else entry.ideal,
-            INDEX[owner + target] if entry.ideal is None else -1,
-            tuple(
-                (slot.law, _places(effect, owner))
-                for effect, slot in filled(Adjusts)
-                if slot.target == target
-            ),
-        )
-        for target, entry in TARGETS.items()
-        if entry.scope == scope
+@cache
+def _derivation(muscles: JointMuscles) -> _Derivation:
+    names = names_of(muscles)
+    index = parameter_table(names).index
+    of_muscles = tuple(f"{name}." for name in names)
+    owners = ("", *of_muscles)
+
+    def places(effect: Effect, owner: str) -> tuple[int, ...]:
+        return tuple(index[f"{owner}{effect.name}.{key}"] for key in effect.parameters)
+
+    return _Derivation(
+        tuple(
+            _Adjusted(
+                owner + target,
+                0.0 if entry.ideal is None else entry.ideal,
+                index[owner + target] if entry.ideal is None else -1,
+                tuple(
+                    (slot.law, places(effect, owner))
+                    for effect, slot in filled(Adjusts)
+                    if slot.target == target
+                ),
+            )
+            for owner in owners
+            for target, entry in TARGETS.items()
+            if entry.scope == ("muscle" if owner else "joint")
+        ),
+        {
+            owner: tuple(
+                _StoredEffect(constants, places(constants.effect, owner))
+                for constants in (lay.MUSCLE_EFFECTS if owner else lay.JOINT_EFFECTS).values()
+            )
+            for owner in owners
+        },
+        {
+            owner: {name: index[owner + name] for name, _ in lay.MUSCLE_NOMINAL}
+            for owner in of_muscles
+        },
+        tuple(
+            index[name]
+            for effect, slot in _FRICTIONS
+            for name in parameter_names(effect.name, slot.presliding, names)
+        ),
+        index,
     )
 
 
-_OWNERS = ("", *(f"{side}." for side in lay.MUSCLES))
-_ADJUSTED = tuple(entry for owner in _OWNERS for entry in _adjusted_of(owner))
-_STORED_EFFECTS = {
-    owner: tuple(
-        _StoredEffect(constants, _places(constants.effect, owner))
-        for constants in (lay.MUSCLE_EFFECTS if owner else lay.JOINT_EFFECTS).values()
-    )
-    for owner in _OWNERS
-}
-_WRITTEN = {
-    owner: {name: INDEX[owner + name] for name, _ in lay.MUSCLE_NOMINAL} for owner in _OWNERS[1:]
-}
-_PRESLIDING = tuple(
-    INDEX[name]
-    for effect, slot in _FRICTIONS
-    for name in parameter_names(effect.name, slot.presliding)
-)
-
-
-def adjusted_numbers(values: Vector) -> dict[str, float]:
+def adjusted_numbers(values: Vector, muscles: JointMuscles = PAIR) -> dict[str, float]:
     """Every target of `effects.slots.TARGETS` with its effects applied.
 
     Parameters
     ----------
     values : (n_parameters,) array
-        In the order of parameters.NAMES.
+        In the order of the joint's `parameters.parameter_table`.
+    muscles : tuple of JointMuscle, optional
+        Those of the joint.
 
     Returns
     -------
     dict of str to float
-        By name; targets of a muscle are preceded by "agonist." or "antagonist.".
+        By name; targets of a muscle are preceded by its name with a dot.
     """
     v = values.tolist()
     result: dict[str, float] = {}
-    for entry in _ADJUSTED:
+    for entry in _derivation(muscles).adjusted:
         number = v[entry.written] if entry.written >= 0 else entry.ideal
         for law, places in entry.laws:
             number = law(number, *[v[i] for i in places])
@@ -129,24 +161,31 @@ def adjusted_numbers(values: Vector) -> dict[str, float]:
     return result
 
 
-def derive_constants(values: Vector, reservoir_share: float = 1.0) -> Vector:
+def derive_constants(
+    values: Vector, reservoir_share: float = 1.0, muscles: JointMuscles = PAIR
+) -> Vector:
     """The constants of the kernels (layout.C_*, M_*, and those of effects).
 
     Parameters
     ----------
     values : (n_parameters,) array
-        In the order of parameters.NAMES.
+        In the order of the joint's `parameters.parameter_table`.
     reservoir_share : float, optional
         Share of the reservoir and of its refill path that belongs to this joint [-].
+    muscles : tuple of JointMuscle, optional
+        Those of the joint.
     """
     v = values.tolist()
-    number = adjusted_numbers(values)
-    temperature = v[INDEX["gas.temperature"]]
-    c = [0.0] * lay.N_CONSTANTS  # a list, because its items are read and written much faster
+    known = _derivation(muscles)
+    index = known.index
+    number = adjusted_numbers(values, muscles)
+    temperature = v[index["gas.temperature"]]
+    # A list, because its items are read and written much faster.
+    c = [0.0] * lay.constants_of(len(muscles))
     c[lay.C_TEMPERATURE] = temperature
-    c[lay.C_AMBIENT] = v[INDEX["gas.ambient_pressure"]]
-    c[lay.C_EXPONENT] = v[INDEX["gas.polytropic_exponent"]]
-    c[lay.C_SUPPLY] = v[INDEX["supply_pressure"]]
+    c[lay.C_AMBIENT] = v[index["gas.ambient_pressure"]]
+    c[lay.C_EXPONENT] = v[index["gas.polytropic_exponent"]]
+    c[lay.C_SUPPLY] = v[index["supply_pressure"]]
     c[lay.C_RT] = GAS_CONSTANT * temperature
     c[lay.C_DENSITY] = reference_density(temperature)
     c[lay.C_RADIUS] = number["joint.pulley_radius"]
@@ -154,21 +193,23 @@ def derive_constants(values: Vector, reservoir_share: float = 1.0) -> Vector:
     c[lay.C_PER_INERTIA] = 1.0 / c[lay.C_INERTIA]
     c[lay.C_VISCOUS] = number["joint.viscous_friction"]
     c[lay.C_GRAVITY] = number["joint.gravity_torque"]
-    c[lay.C_GRAVITY_ANGLE] = v[INDEX["joint.gravity_angle"]]
+    c[lay.C_GRAVITY_ANGLE] = v[index["joint.gravity_angle"]]
     c[lay.C_DROOP] = float(number["reservoir.conductance"] > 0.0)
     c[lay.C_DROOP_CONDUCTANCE] = reservoir_share * number["reservoir.conductance"]
     c[lay.C_DROOP_VOLUME] = reservoir_share * number["reservoir.volume"]
-    for stored in _STORED_EFFECTS[""]:
+    for stored in known.stored[""]:
         _store(c, 0, stored, v)
     c[lay.C_FRICTION] = any(c[lay.JOINT_EFFECTS[e.name].is_on] > 0.0 for e, _ in _FRICTIONS)
     # A joint has one contact; of several effects, the softest applies.
-    presliding = max((v[i] for i in _PRESLIDING), default=0.0)
+    presliding = max((v[i] for i in known.presliding), default=0.0)
     c[lay.C_PRESLIDING] = presliding if presliding > RIGID_CONTACT else 0.0
-    for side, m in SIDES:
-        _muscle_constants(c, m, v, number, f"{side}.")
+    for i, muscle in enumerate(muscles):
+        c[lay.constants_of(i) + lay.M_ARM] = muscle.arm
+        _muscle_constants(c, lay.constants_of(i), v, number, f"{muscle.name}.", known)
+    c[lay.C_DROOP_CRITICAL] = c[lay.C_MUSCLES + lay.M_CRITICAL]
     _limit_stiff_volumes(c)
     c[lay.C_LOWER], c[lay.C_UPPER] = _travel(
-        c, v[INDEX["joint.lower_limit"]], v[INDEX["joint.upper_limit"]]
+        c, v[index["joint.lower_limit"]], v[index["joint.upper_limit"]]
     )
     c[lay.C_RATE] = _fastest_rate(c) / 2.0  # RK4 is stable to 2.78
     return np.array(c, dtype=float)
@@ -192,9 +233,14 @@ def _given(c: list[float], first: int, constants: EffectConstants) -> list[float
 
 
 def _muscle_constants(
-    c: list[float], m: int, v: list[float], number: Mapping[str, float], owner: str
+    c: list[float],
+    m: int,
+    v: list[float],
+    number: Mapping[str, float],
+    owner: str,
+    known: _Derivation,
 ) -> None:
-    index = _WRITTEN[owner]
+    index = known.written[owner]
 
     def written(name: str) -> float:
         return v[index[name]]
@@ -239,7 +285,7 @@ def _muscle_constants(
     c[m + lay.M_CABLE] = adjusted("series_compliance")
     c[m + lay.M_BRAID_AREA] = b * b * scale
     c[m + lay.M_BRAID_SLOPE] = 6.0 * written("rest_length") * scale
-    for stored in _STORED_EFFECTS[owner]:
+    for stored in known.stored[owner]:
         _store(c, m, stored, v)
     c[m + lay.M_THREAD] = any(c[m + lay.MUSCLE_EFFECTS[e.name].is_on] > 0.0 for e, _ in _THREADS)
     c[m + lay.M_SHUT_EXPONENT] = c[lay.C_EXPONENT]
@@ -251,19 +297,19 @@ def _muscle_constants(
 
 def _travel(c: list[float], lower: float, upper: float) -> tuple[float, float]:
     """Position limits, restricted so that no muscle leaves the domain of its model."""
-    radius = c[lay.C_RADIUS]
-    a, b = lay.AGONIST, lay.ANTAGONIST
-    upper = min(
-        upper,
-        (c[b + lay.M_LONGEST] - c[b + lay.M_NEUTRAL]) / radius,
-        (c[a + lay.M_NEUTRAL] - c[a + lay.M_SHORTEST]) / radius,
-    )
-    lower = max(
-        lower,
-        -(c[a + lay.M_LONGEST] - c[a + lay.M_NEUTRAL]) / radius,
-        -(c[b + lay.M_NEUTRAL] - c[b + lay.M_SHORTEST]) / radius,
-    )
+    for m in _muscles(c):
+        arm = abs(c[m + lay.M_ARM]) * c[lay.C_RADIUS]
+        lengthens = (c[m + lay.M_LONGEST] - c[m + lay.M_NEUTRAL]) / arm
+        shortens = (c[m + lay.M_NEUTRAL] - c[m + lay.M_SHORTEST]) / arm
+        turns_up = c[m + lay.M_ARM] > 0.0
+        upper = min(upper, shortens if turns_up else lengthens)
+        lower = max(lower, -(lengthens if turns_up else shortens))
     return lower, upper
+
+
+def _muscles(c: list[float]) -> range:
+    """Where the constants of each muscle begin."""
+    return range(lay.C_MUSCLES, len(c), lay.N_MUSCLE_CONSTANTS)
 
 
 def _limit_stiff_volumes(c: list[float]) -> None:
@@ -275,7 +321,7 @@ def _limit_stiff_volumes(c: list[float]) -> None:
     """
     gain = max(c[lay.C_EXPONENT], 1.0) * c[lay.C_RT] * c[lay.C_DENSITY] / FASTEST_VOLUME
     valves = 0.0
-    for m in (lay.AGONIST, lay.ANTAGONIST):
+    for m in _muscles(c):
         valve = max(c[m + lay.M_CONDUCTANCE], c[m + lay.M_EXHAUST])
         valves += valve
         path = min(c[m + lay.M_TUBE_CONDUCTANCE], WIDEST * valve)
@@ -283,7 +329,7 @@ def _limit_stiff_volumes(c: list[float]) -> None:
         c[m + lay.M_TUBE_CONDUCTANCE] = path
         c[m + lay.M_TUBE_VOLUME] = max(c[m + lay.M_TUBE_VOLUME], least)
     path = min(c[lay.C_DROOP_CONDUCTANCE], WIDEST * valves)
-    least = gain * choking_slope(c[lay.AGONIST + lay.M_CRITICAL]) * (path + valves)
+    least = gain * choking_slope(c[lay.C_DROOP_CRITICAL]) * (path + valves)
     c[lay.C_DROOP_CONDUCTANCE] = path
     c[lay.C_DROOP_VOLUME] = max(c[lay.C_DROOP_VOLUME], least)
 
@@ -300,10 +346,11 @@ def _fastest_rate(c: list[float]) -> float:
         held = 3.0 * math.sqrt(grip / (c[lay.C_PRESLIDING] * c[lay.C_INERTIA]))
         fastest = max(fastest, held)
     gain = max(c[lay.C_EXPONENT], 1.0) * c[lay.C_RT] * c[lay.C_DENSITY]
-    for m in (lay.AGONIST, lay.ANTAGONIST):
+    for m in _muscles(c):
         slope = choking_slope(c[m + lay.M_CRITICAL])
+        arm = abs(c[m + lay.M_ARM]) * c[lay.C_RADIUS]
         longest = min(
-            c[m + lay.M_NEUTRAL] + c[lay.C_RADIUS] * max(-c[lay.C_LOWER], c[lay.C_UPPER]),
+            c[m + lay.M_NEUTRAL] + arm * max(-c[lay.C_LOWER], c[lay.C_UPPER]),
             c[m + lay.M_LONGEST],
         )
         b = c[m + lay.M_B]
@@ -317,7 +364,7 @@ def _fastest_rate(c: list[float]) -> float:
         else:
             fastest = max(fastest, valve / volume)
         if c[lay.C_DROOP] > 0.0:
-            drawn = 2.0 * valve + gain * slope * c[lay.C_DROOP_CONDUCTANCE]
+            drawn = len(_muscles(c)) * valve + gain * slope * c[lay.C_DROOP_CONDUCTANCE]
             fastest = max(fastest, drawn / c[lay.C_DROOP_VOLUME])
         if c[m + lay.M_THERMAL] > 0.0:
             mass = c[lay.C_AMBIENT] * volume / c[lay.C_RT]

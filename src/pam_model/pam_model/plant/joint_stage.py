@@ -1,4 +1,4 @@
-"""One joint between two muscles: the rates of all states, from gas to motion.
+"""One joint and its muscles: the rates of all states, from gas to motion.
 
 This module contains the contact of dry friction and the reservoir that the joint's valves share.
 The effects give the magnitude of the friction and all smooth torques.
@@ -12,8 +12,6 @@ from typing import Any
 from pam_model.gas.flow import reference_flow
 from pam_model.physics.dahl import dahl_rate
 from pam_model.physics.joint_geometry import (
-    AGONIST_SIGN,
-    ANTAGONIST_SIGN,
     length_per_position,
     muscle_length,
     muscle_torque,
@@ -25,8 +23,6 @@ from pam_model.plant.compiled import compiled
 from pam_model.plant.composition import dry_friction, joint_torque, memory_rates
 from pam_model.plant.gas_stage import gas_rates
 from pam_model.plant.layout import (
-    AGONIST,
-    ANTAGONIST,
     C_AMBIENT,
     C_ARM_BEND,
     C_ARM_SLOPE,
@@ -34,32 +30,37 @@ from pam_model.plant.layout import (
     C_DRAWN,
     C_DROOP,
     C_DROOP_CONDUCTANCE,
+    C_DROOP_CRITICAL,
     C_DROOP_VOLUME,
     C_EXPONENT,
     C_EXTERNAL,
     C_GRAVITY,
     C_GRAVITY_ANGLE,
     C_INERTIA,
+    C_MUSCLES,
     C_PER_INERTIA,
     C_PRESLIDING,
     C_RADIUS,
     C_RT,
     C_SUPPLY,
     C_VISCOUS,
-    M_CRITICAL,
+    M_ARM,
+    M_CROSSED,
+    M_CROSSED_SPEED,
     M_NEUTRAL,
     M_REGULATOR,
     M_SHUT_EXPONENT,
     M_THERMAL,
     M_THREAD,
     M_TUBE,
+    N_MUSCLE_CONSTANTS,
     N_MUSCLE_STATES,
     S_PRESSURE,
     S_SPOOL,
     S_TEMPERATURE,
     S_VALVE_PRESSURE,
-    Y_AGONIST,
     Y_BRISTLE,
+    Y_MUSCLES,
     Y_POSITION,
     Y_RESERVOIR,
     Y_VELOCITY,
@@ -147,8 +148,7 @@ def hinge_torques(
     tables: Any,
     y: Any,
     dy: Any,
-    u0: float,
-    u1: float,
+    held: Any,
     drive: Any,
     sliding: float,
     free: bool,
@@ -158,6 +158,7 @@ def hinge_torques(
 ) -> tuple[float, float, float]:
     """Write the rates of all states of a joint but its speed and the reservoir.
 
+    `tables` has a force table for each muscle of the joint, and `held` the command of its valve.
     `drive` holds the rates of position and pressures that are `given`. `sliding` is the sign of the
     motion that friction opposes (0: no friction). Without `free` the joint is locked.
 
@@ -178,38 +179,27 @@ def hinge_torques(
     radius = c[C_RADIUS]
     arm = radius * relative_arm(position, c[C_ARM_SLOPE], c[C_ARM_BEND])
     wound = wound_angle(position, c[C_ARM_SLOPE], c[C_ARM_BEND])
-    first, drawn_first = muscle_rates(
-        AGONIST,
-        Y_AGONIST,
-        c,
-        tables[0],
-        y,
-        dy,
-        u0,
-        muscle_length(c[AGONIST + M_NEUTRAL], AGONIST_SIGN, radius, wound),
-        length_per_position(AGONIST_SIGN, arm) * speed,
-        drive[1],
-        pressure_given,
-        shut,
-        step,
-    )
-    second, drawn_second = muscle_rates(
-        ANTAGONIST,
-        Y_AGONIST + N_MUSCLE_STATES,
-        c,
-        tables[1],
-        y,
-        dy,
-        u1,
-        muscle_length(c[ANTAGONIST + M_NEUTRAL], ANTAGONIST_SIGN, radius, wound),
-        length_per_position(ANTAGONIST_SIGN, arm) * speed,
-        drive[2],
-        pressure_given,
-        shut,
-        step,
-    )
-    torque = muscle_torque(AGONIST_SIGN, arm, first)
-    torque += muscle_torque(ANTAGONIST_SIGN, arm, second)
+    torque = 0.0
+    drawn = 0.0
+    for i in range(len(tables)):
+        m = C_MUSCLES + i * N_MUSCLE_CONSTANTS
+        force, flow = muscle_rates(
+            m,
+            Y_MUSCLES + i * N_MUSCLE_STATES,
+            c,
+            tables[i],
+            y,
+            dy,
+            held[i],
+            muscle_length(c[m + M_NEUTRAL], c[m + M_ARM], radius, wound) + c[m + M_CROSSED],
+            length_per_position(c[m + M_ARM], arm) * speed + c[m + M_CROSSED_SPEED],
+            drive[1 + i],
+            pressure_given,
+            shut,
+            step,
+        )
+        torque += muscle_torque(c[m + M_ARM], arm, force)
+        drawn += flow
     dy[Y_POSITION] = speed
     dy[Y_BRISTLE] = 0.0
     bristle = 0.0
@@ -221,7 +211,7 @@ def hinge_torques(
         bristle = grip * y[Y_BRISTLE] + damping * dy[Y_BRISTLE]
     total = torque + c[C_EXTERNAL] - c[C_VISCOUS] * speed - bristle
     total += joint_torque(c, position, speed) - sliding * dry_friction(c, speed)
-    return float(torque), float(total), drawn_first + drawn_second
+    return float(torque), float(total), drawn
 
 
 @compiled
@@ -229,7 +219,7 @@ def reservoir_rate(
     c: Any, conductance: float, volume: float, pressure: float, drawn: float
 ) -> float:
     """dP/dt of a reservoir [Pa/s] from which the flow `drawn` over rho0 [m^3/s] leaves."""
-    refill = reference_flow(conductance, c[AGONIST + M_CRITICAL], c[C_SUPPLY], pressure)
+    refill = reference_flow(conductance, c[C_DROOP_CRITICAL], c[C_SUPPLY], pressure)
     return float(c[C_EXPONENT] * c[C_RT] * c[C_DENSITY] * (refill - drawn) / volume)
 
 
@@ -239,8 +229,7 @@ def joint_rates(
     tables: Any,
     y: Any,
     dy: Any,
-    u0: float,
-    u1: float,
+    held: Any,
     drive: Any,
     sliding: float,
     free: bool,
@@ -256,7 +245,7 @@ def joint_rates(
         Torque of the muscles [N m].
     """
     torque, total, drawn = hinge_torques(
-        c, tables, y, dy, u0, u1, drive, sliding, free, given, shut, step
+        c, tables, y, dy, held, drive, sliding, free, given, shut, step
     )
     total -= c[C_GRAVITY] * sine(y[Y_POSITION] - c[C_GRAVITY_ANGLE])
     # Lanes compute every branch anyway, and a loop over them is cheaper without any.

@@ -1,4 +1,4 @@
-"""Time integration of one antagonistic joint: classical RK4 with a fixed step and held commands.
+"""Time integration of one joint and its muscles: classical RK4 with a fixed step and held commands.
 
 Constants, states and outputs are flat arrays; layout.py defines their indices. Dry friction and end
 stops are decided once per step. A joint at rest whose torque is below the friction stays locked for
@@ -14,8 +14,6 @@ import math
 from typing import Any
 
 from pam_model.physics.joint_geometry import (
-    AGONIST_SIGN,
-    ANTAGONIST_SIGN,
     muscle_length,
     muscle_torque,
     relative_arm,
@@ -26,8 +24,6 @@ from pam_model.plant.compiled import compiled, entry_point
 from pam_model.plant.composition import dry_friction, joint_torque
 from pam_model.plant.joint_stage import joint_rates
 from pam_model.plant.layout import (
-    AGONIST,
-    ANTAGONIST,
     C_AMBIENT,
     C_ARM_BEND,
     C_ARM_SLOPE,
@@ -36,21 +32,23 @@ from pam_model.plant.layout import (
     C_GRAVITY,
     C_GRAVITY_ANGLE,
     C_LOWER,
+    C_MUSCLES,
     C_PER_INERTIA,
     C_PRESLIDING,
     C_RADIUS,
     C_RATE,
     C_UPPER,
+    M_ARM,
+    M_CROSSED,
     M_DELAY,
     M_NEUTRAL,
     M_TUBE,
     N_MUSCLE_CONSTANTS,
     N_MUSCLE_OUTPUTS,
     N_MUSCLE_STATES,
-    N_STATES,
-    O_AGONIST,
     O_FORCE,
     O_LENGTH,
+    O_MUSCLES,
     O_POSITION,
     O_PRESSURE,
     O_RESERVOIR,
@@ -63,7 +61,7 @@ from pam_model.plant.layout import (
     S_SPOOL,
     S_TEMPERATURE,
     S_VALVE_PRESSURE,
-    Y_AGONIST,
+    Y_MUSCLES,
     Y_POSITION,
     Y_RESERVOIR,
     Y_VELOCITY,
@@ -73,6 +71,7 @@ from pam_model.plant.muscle_stage import pull
 LOWEST_PRESSURE = 1.0  # Pa absolute; a limit for diverging fits, far below any real pressure
 LOCKED = 2
 AT_REST = 3
+WORK_ROWS = 7
 
 
 @compiled
@@ -117,13 +116,18 @@ def step_count(rate: float, sample_time: float, step: float) -> int:
 
 
 @compiled
+def muscle_count(y: Any) -> int:
+    """Number of muscles of a joint with this state."""
+    return (len(y) - Y_MUSCLES) // N_MUSCLE_STATES
+
+
+@compiled
 def muscle_pull(i: int, c: Any, tables: Any, y: Any) -> float:
     """Pull of muscle `i` [N] at this state."""
-    m = AGONIST + i * N_MUSCLE_CONSTANTS
-    o = Y_AGONIST + i * N_MUSCLE_STATES
-    sign = AGONIST_SIGN if i == 0 else ANTAGONIST_SIGN
+    m = C_MUSCLES + i * N_MUSCLE_CONSTANTS
+    o = Y_MUSCLES + i * N_MUSCLE_STATES
     wound = wound_angle(y[Y_POSITION], c[C_ARM_SLOPE], c[C_ARM_BEND])
-    path = muscle_length(c[m + M_NEUTRAL], sign, c[C_RADIUS], wound)
+    path = muscle_length(c[m + M_NEUTRAL], c[m + M_ARM], c[C_RADIUS], wound) + c[m + M_CROSSED]
     force, _, _, _ = pull(m, c, tables[i], y, o, y[o + S_PRESSURE] - c[C_AMBIENT], path)
     return float(force)
 
@@ -135,10 +139,9 @@ def record(c: Any, tables: Any, y: Any, output: Any) -> None:
     wound = wound_angle(position, c[C_ARM_SLOPE], c[C_ARM_BEND])
     arm = c[C_RADIUS] * relative_arm(position, c[C_ARM_SLOPE], c[C_ARM_BEND])
     torque = 0.0
-    for i in range(2):
-        m = AGONIST + i * N_MUSCLE_CONSTANTS
-        o = Y_AGONIST + i * N_MUSCLE_STATES
-        sign = AGONIST_SIGN if i == 0 else ANTAGONIST_SIGN
+    for i in range(len(tables)):
+        m = C_MUSCLES + i * N_MUSCLE_CONSTANTS
+        o = Y_MUSCLES + i * N_MUSCLE_STATES
         gauge = y[o + S_PRESSURE] - c[C_AMBIENT]
         force, length, _, _ = pull(
             m,
@@ -147,10 +150,10 @@ def record(c: Any, tables: Any, y: Any, output: Any) -> None:
             y,
             o,
             gauge,
-            muscle_length(c[m + M_NEUTRAL], sign, c[C_RADIUS], wound),
+            muscle_length(c[m + M_NEUTRAL], c[m + M_ARM], c[C_RADIUS], wound) + c[m + M_CROSSED],
         )
-        torque += muscle_torque(sign, arm, force)
-        at = O_AGONIST + i * N_MUSCLE_OUTPUTS
+        torque += muscle_torque(c[m + M_ARM], arm, force)
+        at = O_MUSCLES + i * N_MUSCLE_OUTPUTS
         output[at + O_PRESSURE] = gauge
         output[at + O_VALVE_PRESSURE] = gauge
         if c[m + M_TUBE] > 0.0:
@@ -171,8 +174,7 @@ def rk4_step(
     tables: Any,
     y: Any,
     work: Any,
-    u0: float,
-    u1: float,
+    held: Any,
     contact: int,
     position_given: bool,
     pressure_given: bool,
@@ -184,17 +186,18 @@ def rk4_step(
     sliding = float(contact) if free else 0.0
     k1, k2, k3, k4, ys, drive = work[0], work[1], work[2], work[3], work[4], work[5]
     given = (position_given, pressure_given)
-    joint_rates(c, tables, y, k1, u0, u1, drive, sliding, free, given, shut, h)
-    for i in range(N_STATES):
+    count = Y_MUSCLES + len(tables) * N_MUSCLE_STATES  # known to the compiler
+    joint_rates(c, tables, y, k1, held, drive, sliding, free, given, shut, h)
+    for i in range(count):
         ys[i] = y[i] + 0.5 * h * k1[i]
-    joint_rates(c, tables, ys, k2, u0, u1, drive, sliding, free, given, shut, h)
-    for i in range(N_STATES):
+    joint_rates(c, tables, ys, k2, held, drive, sliding, free, given, shut, h)
+    for i in range(count):
         ys[i] = y[i] + 0.5 * h * k2[i]
-    joint_rates(c, tables, ys, k3, u0, u1, drive, sliding, free, given, shut, h)
-    for i in range(N_STATES):
+    joint_rates(c, tables, ys, k3, held, drive, sliding, free, given, shut, h)
+    for i in range(count):
         ys[i] = y[i] + h * k3[i]
-    joint_rates(c, tables, ys, k4, u0, u1, drive, sliding, free, given, shut, h)
-    for i in range(N_STATES):
+    joint_rates(c, tables, ys, k4, held, drive, sliding, free, given, shut, h)
+    for i in range(count):
         y[i] += h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i])
 
 
@@ -216,8 +219,7 @@ def contact_of(
     tables: Any,
     y: Any,
     work: Any,
-    u0: float,
-    u1: float,
+    held: Any,
     pressure_given: bool,
     shut: bool,
     h: float,
@@ -227,7 +229,7 @@ def contact_of(
     if contact != AT_REST:
         return contact
     given = (False, pressure_given)
-    torque = joint_rates(c, tables, y, work[0], u0, u1, work[5], 0.0, True, given, shut, h)
+    torque = joint_rates(c, tables, y, work[0], held, work[5], 0.0, True, given, shut, h)
     return contact_at_rest(c, y, torque)
 
 
@@ -280,10 +282,10 @@ def take_sample(
         y[Y_VELOCITY] = drive[0]
     if len(pressures) > 0:
         following = min(k + 1, len(pressures) - 1)
-        for i in range(2):
-            o = Y_AGONIST + i * N_MUSCLE_STATES
+        for i in range(len(pressures[k])):
+            o = Y_MUSCLES + i * N_MUSCLE_STATES
             sensed = S_PRESSURE
-            if c[AGONIST + i * N_MUSCLE_CONSTANTS + M_TUBE] > 0.0:
+            if c[C_MUSCLES + i * N_MUSCLE_CONSTANTS + M_TUBE] > 0.0:
                 sensed = S_VALVE_PRESSURE
             y[o + sensed] = max(pressures[k][i] + c[C_AMBIENT], LOWEST_PRESSURE)
             drive[1 + i] = (pressures[following][i] - pressures[k][i]) / sample_time
@@ -308,29 +310,32 @@ def run(
 
     If `positions` and `pressures` are not empty, they prescribe the motion [rad] and the gauge
     pressures at the sensors [Pa] at the same samples, with linear interpolation. `y` holds the
-    state; after the call it is that at the end of the last sample. `work` is scratch memory: six
-    rows of the size of the state.
+    state; after the call it is that at the end of the last sample. `work` is scratch memory:
+    WORK_ROWS rows of the size of the state. `tables` has a force table for each muscle, and so
+    gives the number of muscles; `commands` and `pressures` have a column for each.
     """
     position_given = len(positions) > 0
     pressure_given = len(pressures) > 0
     steps = step_count(c[C_RATE], sample_time, step)
     h = sample_time / steps
     contact, before = 0, 0.0
-    for i in range(3):
+    held = work[6]
+    for i in range(1 + len(tables)):
         work[5][i] = 0.0
     for k in range(len(outputs)):
         take_sample(c, y, work[5], positions, pressures, k, sample_time)
         record(c, tables, y, outputs[k])
         for j in range(steps):
             now = (first + k) * sample_time + j * h
-            u0 = held_command(commands, 0, now, h, sample_time, c[AGONIST + M_DELAY])
-            u1 = held_command(commands, 1, now, h, sample_time, c[ANTAGONIST + M_DELAY])
+            for i in range(len(tables)):
+                delay = c[C_MUSCLES + i * N_MUSCLE_CONSTANTS + M_DELAY]
+                held[i] = held_command(commands, i, now, h, sample_time, delay)
             if not position_given:
                 before = y[Y_VELOCITY]
-                contact = contact_of(c, tables, y, work, u0, u1, pressure_given, shut, h)
-            rk4_step(c, tables, y, work, u0, u1, contact, position_given, pressure_given, shut, h)
-            for i in range(2):
-                o = Y_AGONIST + i * N_MUSCLE_STATES
+                contact = contact_of(c, tables, y, work, held, pressure_given, shut, h)
+            rk4_step(c, tables, y, work, held, contact, position_given, pressure_given, shut, h)
+            for i in range(len(tables)):
+                o = Y_MUSCLES + i * N_MUSCLE_STATES
                 y[o + S_PRESSURE] = max(y[o + S_PRESSURE], LOWEST_PRESSURE)
             if not position_given:
                 settle_contact(c, y, contact, before, h)

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from pam_model.plant.compiled import for_kernel
 from pam_model.plant.kernel import step_count
 from pam_model.plant.lane_choice import VECTOR, LaneKernel
-from pam_model.plant.lane_twins import LANES, SINGLE, Off
+from pam_model.plant.lane_twins import LANES, SINGLE, Variant
 from pam_model.plant.layout import C_RATE
 
 Array = npt.NDArray[np.float64]
@@ -28,20 +28,19 @@ class Lanes:
         Rows of the batch, at most LANES.
     steps : int
         Integration steps in one sample.
-    off : frozenset of str or SINGLE
-        Constants that are 0 in all lanes of the block, so that the kernel leaves them out; SINGLE
-        for the kernel of a single lane.
+    variant : LaneVariant or SINGLE
+        For which the kernel of the block is made; SINGLE for that of a single lane.
     """
 
     members: npt.NDArray[np.int64]
     steps: int
-    off: Off
+    variant: Variant
     vector: int = VECTOR
 
     @property
     def width(self) -> int:
         """Number of lanes in the arrays of the block."""
-        return 1 if self.off is SINGLE else LANES
+        return 1 if self.variant is SINGLE else LANES
 
     @property
     def active(self) -> int:
@@ -84,6 +83,6 @@ def blocks_of_lanes(
             for first in range(0, len(members), LANES):
                 block = members[first : first + LANES]
                 if len(block) > kernel.few:
-                    found.append(Lanes(block, int(count), kernel.off, kernel.vector))
+                    found.append(Lanes(block, int(count), kernel.variant, kernel.vector))
                     alone[block] = False
     return found + [Lanes(np.array([i]), int(steps[i]), SINGLE) for i in np.flatnonzero(alone)]

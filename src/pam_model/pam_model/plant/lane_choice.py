@@ -15,24 +15,23 @@ import numpy as np
 import numpy.typing as npt
 
 from pam_model.plant import layout as lay
-from pam_model.plant.lane_twins import LANES
+from pam_model.plant.lane_twins import LANES, LaneVariant
 
-Switches = dict[str, tuple[int, ...]]
-"""Name of each switch, and the indices of the constants that it stands for."""
+Switches = dict[str, tuple[int, bool]]
+"""Name of each switch, the index of its constant, and whether each muscle has one."""
 
 
 def _of_muscles(*names: str) -> Switches:
-    places = {name: int(getattr(lay, name)) for name in names}
-    return {name: (lay.AGONIST + at, lay.ANTAGONIST + at) for name, at in places.items()}
+    return {name: (int(getattr(lay, name)), True) for name in names}
 
 
 def _of_effects(stage: str) -> Switches:
     """The switches of all effects of a stage whose laws fill a slot of the plant."""
-    joint = {name: (one.is_on,) for name, one in lay.JOINT_EFFECTS.items()
+    joint = {name: (one.is_on, False) for name, one in lay.JOINT_EFFECTS.items()
              if one.effect.stage == stage}  # fmt: skip
-    muscle = {name: (lay.AGONIST + one.is_on, lay.ANTAGONIST + one.is_on)
-              for name, one in lay.MUSCLE_EFFECTS.items() if one.effect.stage == stage}  # fmt: skip
-    return {f"{name.upper()}_IS_ON": places for name, places in (joint | muscle).items()}
+    muscle = {name: (one.is_on, True) for name, one in lay.MUSCLE_EFFECTS.items()
+              if one.effect.stage == stage}  # fmt: skip
+    return {f"{name.upper()}_IS_ON": place for name, place in (joint | muscle).items()}
 
 
 OF_RIG: Final = _of_muscles("M_TABLE", "M_REGULATOR", "M_WALL")
@@ -42,15 +41,15 @@ MUSCLE: Final = "muscle"
 VECTOR: Final = 8
 """Lanes of one vector register; LLVM uses no vectors for fewer than 16 in the longest loops."""
 GROUPS: Final[dict[str, Switches]] = {
-    "gas": _of_muscles("M_TUBE", "M_THERMAL") | {"C_DROOP": (lay.C_DROOP,)} | _of_effects("valve"),
-    "joint": {"C_PRESLIDING": (lay.C_PRESLIDING,)} | _of_effects("joint"),
+    "gas": _of_muscles("M_TUBE", "M_THERMAL")
+    | {"C_DROOP": (lay.C_DROOP, False)}
+    | _of_effects("valve"),
+    "joint": {"C_PRESLIDING": (lay.C_PRESLIDING, False)} | _of_effects("joint"),
     MUSCLE: _of_muscles("M_THREAD") | _of_effects("muscle"),
     CABLE: _of_muscles("M_CABLE"),  # iterates, which takes longer than all others together
 }
 """Switches of all laws of effects that the stages call, in groups."""
-LAWS: Final[Switches] = {
-    name: places for group in GROUPS.values() for name, places in group.items()
-}
+LAWS: Final[Switches] = {name: place for group in GROUPS.values() for name, place in group.items()}
 FEW: Final = 3
 """Lanes up to which one after the other is not slower than a vector."""
 FEW_WITH_CABLE: Final = 1
@@ -67,10 +66,18 @@ class LaneKernel:
         Switches that the kernel takes for 0.
     serves : (n_batch,) array of bool
         Whether these are 0 in each lane of a batch.
+    muscles : int
+        Number of muscles of each joint.
     """
 
     off: frozenset[str]
     serves: npt.NDArray[np.bool_]
+    muscles: int
+
+    @property
+    def variant(self) -> LaneVariant:
+        """The variant of the plant for which the kernel is made."""
+        return LaneVariant(self.off, self.muscles)
 
     def _has(self, group: str) -> bool:
         return not GROUPS[group].keys() <= self.off
@@ -87,7 +94,7 @@ class LaneKernel:
 
     def for_all(self, count: int) -> LaneKernel:
         """The same kernel for a batch of `count` lanes, all of which it serves."""
-        return LaneKernel(self.off, np.full(count, True))
+        return LaneKernel(self.off, np.full(count, True), self.muscles)
 
 
 def lane_kernels(constants: npt.NDArray[np.float64]) -> tuple[LaneKernel, ...]:
@@ -98,19 +105,21 @@ def lane_kernels(constants: npt.NDArray[np.float64]) -> tuple[LaneKernel, ...]:
     constants : (n_batch, n_constants) array
         Of each plant.
     """
-    absent = frozenset(
-        name for name, places in OF_RIG.items() if not constants[:, list(places)].any()
-    )
-    needs = np.stack(
-        [
-            constants[:, [at for places in group.values() for at in places]].any(axis=1)
-            for group in GROUPS.values()
-        ],
-        axis=1,
-    )
+    starts = range(lay.C_MUSCLES, constants.shape[1], lay.N_MUSCLE_CONSTANTS)
+
+    def any_of(switches: Switches) -> npt.NDArray[np.bool_]:
+        places = [
+            at
+            for place, of_muscle in switches.values()
+            for at in ([first + place for first in starts] if of_muscle else [place])
+        ]
+        return np.asarray(constants[:, places].any(axis=1))
+
+    absent = frozenset(name for name in OF_RIG if not any_of({name: OF_RIG[name]}).any())
+    needs = np.stack([any_of(group) for group in GROUPS.values()], axis=1)
     kernels = []
     for need in sorted(set(map(tuple, needs.tolist())), key=lambda need: (sum(need), need[::-1])):
         idle = [group for group, needed in zip(GROUPS.values(), need, strict=True) if not needed]
         off = absent.union(*idle)
-        kernels.append(LaneKernel(off, ~needs[:, ~np.array(need)].any(axis=1)))
+        kernels.append(LaneKernel(off, ~needs[:, ~np.array(need)].any(axis=1), len(starts)))
     return tuple(kernels)

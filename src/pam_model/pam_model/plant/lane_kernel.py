@@ -23,13 +23,20 @@ from pam_model.plant.kernel import (
     contact_at_rest,
     held_command,
     moving_contact,
+    muscle_count,
     settle_contact,
 )
-from pam_model.plant.lane_twins import LANES, SINGLE, Off, kernel_name, lane_loop
+from pam_model.plant.lane_twins import (
+    LANES,
+    SINGLE,
+    LaneVariant,
+    Variant,
+    kernel_name,
+    lane_loop,
+)
 from pam_model.plant.layout import (
-    AGONIST,
-    ANTAGONIST,
     C_DROOP,
+    C_MUSCLES,
     C_PER_INERTIA,
     C_PRESLIDING,
     M_DELAY,
@@ -41,9 +48,8 @@ from pam_model.plant.layout import (
     S_SPOOL,
     S_TEMPERATURE,
     S_VALVE_PRESSURE,
-    Y_AGONIST,
-    Y_ANTAGONIST,
     Y_BRISTLE,
+    Y_MUSCLES,
     Y_POSITION,
     Y_RESERVOIR,
     Y_VELOCITY,
@@ -52,9 +58,10 @@ from pam_model.plant.layout import (
 
 @compiled
 def hold(c: Any, held: Any, commands: Any, now: float, step: float, sample_time: float) -> None:
-    """Write both commands that hold within a step."""
-    held[0] = held_command(commands, 0, now, step, sample_time, c[AGONIST + M_DELAY])
-    held[1] = held_command(commands, 1, now, step, sample_time, c[ANTAGONIST + M_DELAY])
+    """Write the commands that hold within a step, of all muscles."""
+    for i in range(len(held)):
+        delay = c[C_MUSCLES + i * N_MUSCLE_CONSTANTS + M_DELAY]
+        held[i] = held_command(commands, i, now, step, sample_time, delay)
 
 
 def hold_own(
@@ -62,16 +69,14 @@ def hold_own(
 ) -> None:
     """As `hold`, for all lanes, of which each has commands of its own: `commands[lane]`."""
     if commands.shape[1] == 1:  # no past, so that none of the lanes has a delay
-        for lane in range(min(active, LANES)):
-            held[lane] = commands[lane, 0, 0]
-            held[LANES + lane] = commands[lane, 0, 1]
+        for i in range(commands.shape[2]):
+            for lane in range(min(active, LANES)):
+                held[i * LANES + lane] = commands[lane, 0, i]
         return
     for lane in range(active):
-        for channel, muscle in ((0, AGONIST), (1, ANTAGONIST)):
-            delay = c[(muscle + M_DELAY) * LANES + lane]
-            held[channel * LANES + lane] = held_command(
-                commands[lane], channel, now, step, sample_time, delay
-            )
+        for i in range(commands.shape[2]):
+            delay = c[(C_MUSCLES + i * N_MUSCLE_CONSTANTS + M_DELAY) * LANES + lane]
+            held[i * LANES + lane] = held_command(commands[lane], i, now, step, sample_time, delay)
 
 
 @compiled
@@ -111,9 +116,7 @@ def rates(
     """Write the rates of all states under the contact of this step, and the muscles' torque."""
     free = contact[0] != LOCKED
     sliding = contact[0] if abs(contact[0]) == 1.0 else 0.0
-    torque[0] = joint_rates(
-        c, tables, y, dy, held[0], held[1], drive, sliding, free, (False, False), shut, h
-    )
+    torque[0] = joint_rates(c, tables, y, dy, held, drive, sliding, free, (False, False), shut, h)
 
 
 @compiled
@@ -125,9 +128,9 @@ def move(c: Any, y: Any, dy: Any, moved: Any, step: float) -> None:
         moved[Y_BRISTLE] = y[Y_BRISTLE] + step * dy[Y_BRISTLE]
     if c[C_DROOP] > 0.0:
         moved[Y_RESERVOIR] = y[Y_RESERVOIR] + step * dy[Y_RESERVOIR]
-    for i in range(2):
-        m = AGONIST + i * N_MUSCLE_CONSTANTS
-        o = Y_AGONIST + i * N_MUSCLE_STATES
+    for i in range(muscle_count(y)):
+        m = C_MUSCLES + i * N_MUSCLE_CONSTANTS
+        o = Y_MUSCLES + i * N_MUSCLE_STATES
         moved[o + S_SPOOL] = y[o + S_SPOOL] + step * dy[o + S_SPOOL]
         moved[o + S_PRESSURE] = y[o + S_PRESSURE] + step * dy[o + S_PRESSURE]
         if c[m + M_TUBE] > 0.0:
@@ -147,9 +150,9 @@ def finish(c: Any, y: Any, k1: Any, k2: Any, k3: Any, k4: Any, step: float) -> N
         state_step(Y_BRISTLE, y, k1, k2, k3, k4, step)
     if c[C_DROOP] > 0.0:
         state_step(Y_RESERVOIR, y, k1, k2, k3, k4, step)
-    for i in range(2):
-        m = AGONIST + i * N_MUSCLE_CONSTANTS
-        o = Y_AGONIST + i * N_MUSCLE_STATES
+    for i in range(muscle_count(y)):
+        m = C_MUSCLES + i * N_MUSCLE_CONSTANTS
+        o = Y_MUSCLES + i * N_MUSCLE_STATES
         state_step(o + S_SPOOL, y, k1, k2, k3, k4, step)
         state_step(o + S_PRESSURE, y, k1, k2, k3, k4, step)
         if c[m + M_TUBE] > 0.0:
@@ -168,8 +171,9 @@ def state_step(at: int, y: Any, k1: Any, k2: Any, k3: Any, k4: Any, step: float)
 @compiled
 def settle(c: Any, y: Any, contact: Any, step: float) -> None:
     """Correct the state after a step."""
-    y[Y_AGONIST + S_PRESSURE] = max(y[Y_AGONIST + S_PRESSURE], LOWEST_PRESSURE)
-    y[Y_ANTAGONIST + S_PRESSURE] = max(y[Y_ANTAGONIST + S_PRESSURE], LOWEST_PRESSURE)
+    for i in range(muscle_count(y)):
+        o = Y_MUSCLES + i * N_MUSCLE_STATES
+        y[o + S_PRESSURE] = max(y[o + S_PRESSURE], LOWEST_PRESSURE)
     settle_contact(c, y, contact[0], contact[1], step)
 
 
@@ -228,17 +232,17 @@ def advance(
 
 
 @cache
-def advance_lanes(off: Off, *, own_commands: bool = False) -> Callable[..., None]:
-    """`advance` compiled for batches in which the constants in `off` are 0.
+def advance_lanes(variant: Variant, *, own_commands: bool = False) -> Callable[..., None]:
+    """`advance` compiled for a variant of the plant.
 
     With `own_commands`, each lane has commands of its own, see `hold_own`.
     """
     loops = (hold, judge_contact, judge_rest, rates, move, finish, settle)
-    made = with_loops(advance, loops, off)
+    made = with_loops(advance, loops, variant)
     if own_commands:
         made.__globals__["hold_lanes"] = compiled_loop(hold_own)
         made.__qualname__ += "_own"
-    return compiled(made) if off is SINGLE else compiled_loop(made)
+    return compiled(made) if variant is SINGLE else compiled_loop(made)
 
 
 ALL_ON: Final[frozenset[str]] = frozenset()
@@ -248,20 +252,19 @@ DEPENDENT: Final = (move, finish)
 
 
 def with_loops(
-    function: FunctionType | Callable[..., Any], loops: tuple[Any, ...], off: Off
+    function: FunctionType | Callable[..., Any], loops: tuple[Any, ...], variant: Variant
 ) -> FunctionType:
     """A copy of a function in which `<name>_lanes` is the loop over lanes of a function."""
     assert isinstance(function, FunctionType)
+    common = variant and LaneVariant(ALL_ON, variant.muscles)
     made = {
         f"{loop.__name__}_lanes": lane_loop(
             loop,
-            off
-            if off is SINGLE or loop in DEPENDENT or "tables" in signature(loop).parameters
-            else ALL_ON,
+            variant if loop in DEPENDENT or "tables" in signature(loop).parameters else common,
         )
         for loop in loops
     }
     copied = FunctionType(function.__code__, {**function.__globals__, **made}, function.__name__)
-    copied.__qualname__ = f"{function.__qualname__}_{kernel_name(off)}"
+    copied.__qualname__ = f"{function.__qualname__}_{kernel_name(variant)}"
     copied.__module__ = function.__module__
     return copied

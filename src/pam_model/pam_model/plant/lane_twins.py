@@ -6,8 +6,9 @@ lane j is at i * LANES + j. The twin of a function is made from its source: `c[i
 for one joint. A loop over the lanes around inlined twins has no calls, and LLVM converts it to
 vector instructions, with masks where lanes take different branches.
 
-A twin may leave out what no lane of a batch has: constants named in `off` are 0, and statements
-that depend on them alone disappear. A kernel for a single lane calls the functions as they are.
+A twin is made for a variant of the plant: its number of muscles, over which loops are repeated,
+and what no lane of a batch has. Constants named in `off` are 0, and statements that depend on them
+alone disappear. A kernel for a single lane calls the functions as they are.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ import textwrap
 from collections.abc import Callable
 from functools import cache
 from types import FunctionType
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from pam_model.plant.compiled import HAVE_NUMBA, compiled, compiled_loop
 
@@ -32,6 +33,28 @@ LANE_ARRAYS: Final = frozenset(
     | {"shown", "history", "total"}  # of the comparison with a recording
 )
 """Names of the arguments that hold one array per lane, wherever they appear in the plant."""
+COUNTS_OF_MUSCLES: Final = frozenset({"len(tables)", "len(held)", "muscle_count(y)"})
+"""Expressions of the number of muscles in loops over them."""
+
+
+class LaneVariant(NamedTuple):
+    """What all lanes of a block have in common, for which their kernel is made.
+
+    Attributes
+    ----------
+    off : frozenset of str
+        Names of constants that are 0 in all lanes.
+    muscles : int
+        Number of muscles of each joint.
+    """
+
+    off: frozenset[str]
+    muscles: int
+
+
+SINGLE: Final = None
+"""In place of a variant: the kernel of a single lane, with all constants, of any muscles."""
+Variant = LaneVariant | None
 
 
 def _plain(function: Any) -> FunctionType:
@@ -51,9 +74,9 @@ def _is_lane_function(function: Any) -> bool:
 class _ToLane(ast.NodeTransformer):
     """Rewrites a function of arrays to a function of one lane of them."""
 
-    def __init__(self, inner: frozenset[str], off: frozenset[str]) -> None:
+    def __init__(self, inner: frozenset[str], variant: LaneVariant) -> None:
         self.inner = inner
-        self.off = off
+        self.off, self.muscles = variant
 
     def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.FunctionDef:
         self.generic_visit(node)
@@ -89,14 +112,21 @@ class _ToLane(ast.NodeTransformer):
         return node
 
     def visit_For(self, node: ast.For) -> ast.stmt | list[ast.stmt]:
-        """Repeat the body of `for i in range(2)`: only innermost loops become vector code."""
+        """Repeat the body of `for i in range(2)`: only innermost loops become vector code.
+
+        So do loops over all muscles, `for i in range(len(tables))`.
+        """
         call = node.iter
-        if not (isinstance(call, ast.Call) and isinstance(call.args[0], ast.Constant)):
-            self.generic_visit(node)
-            return node
+        assert isinstance(call, ast.Call)
         assert isinstance(node.target, ast.Name)
+        count = call.args[0]
+        if isinstance(count, ast.Constant):
+            times = int(str(count.value))
+        else:
+            assert ast.unparse(count) in COUNTS_OF_MUSCLES, ast.unparse(count)
+            times = self.muscles
         repeated: list[ast.stmt] = []
-        for number in range(int(str(call.args[0].value))):
+        for number in range(times):
             once = ast.Assign([ast.Name(node.target.id, ast.Store())], ast.Constant(number))
             for statement in (once, *copy.deepcopy(node.body)):
                 new = self.visit(statement)
@@ -104,33 +134,29 @@ class _ToLane(ast.NodeTransformer):
         return repeated
 
 
-SINGLE: Final = None
-"""In place of `off`: the kernel of a single lane, with all constants."""
-Off = frozenset[str] | None
-
-
-def kernel_name(off: Off) -> str:
-    """A short name of the kernel that leaves out `off`.
+def kernel_name(variant: Variant) -> str:
+    """A short name of the kernel of this variant.
 
     numba names files and symbols of machine code after the function. Two kernels from two
     processes would share a symbol, and one would run the other's code, if their functions had the
     same name.
     """
-    if off is SINGLE:
+    if variant is SINGLE:
         return "single"
-    return hashlib.sha256(" ".join(sorted(off)).encode()).hexdigest()[:8]
+    parts = " ".join((str(variant.muscles), *sorted(variant.off)))
+    return hashlib.sha256(parts.encode()).hexdigest()[:8]
 
 
 @cache
-def lane_twin(function: Any, off: frozenset[str]) -> Callable[..., Any]:
+def lane_twin(function: Any, variant: LaneVariant) -> Callable[..., Any]:
     """The twin of a compiled function: its first argument is the lane.
 
     Parameters
     ----------
     function : callable
         A function of the plant that takes at least one of LANE_ARRAYS.
-    off : frozenset of str
-        Names of constants that are 0 in all lanes.
+    variant : LaneVariant
+        Number of muscles, and constants that are 0, of all lanes.
     """
     plain = _plain(function)
     known = plain.__globals__
@@ -138,18 +164,18 @@ def lane_twin(function: Any, off: frozenset[str]) -> Callable[..., Any]:
     inner = frozenset(
         name for name in plain.__code__.co_names if _is_lane_function(known.get(name))
     )
-    new = ast.fix_missing_locations(_ToLane(inner, off).visit(tree))
+    new = ast.fix_missing_locations(_ToLane(inner, variant).visit(tree))
     code = compile(new, f"<lane twin of {plain.__name__}>", "exec")
     used = {name.id for name in ast.walk(new) if isinstance(name, ast.Name)}
-    names = {**known, **{name: lane_twin(known[name], off) for name in sorted(inner & used)}}
+    names = {**known, **{name: lane_twin(known[name], variant) for name in sorted(inner & used)}}
     exec(code, names)
     twin: FunctionType = names[plain.__name__]
-    twin.__qualname__ = f"{plain.__name__}_of_lane_{kernel_name(off)}"
+    twin.__qualname__ = f"{plain.__name__}_of_lane_{kernel_name(variant)}"
     return compiled(twin)
 
 
 @cache
-def lane_loop(function: Any, off: Off) -> Callable[..., None]:
+def lane_loop(function: Any, variant: Variant) -> Callable[..., None]:
     """A loop that calls the twin of `function` for the first `active` lanes.
 
     The loop takes `active` before the arguments of `function`. For a single lane it calls
@@ -160,11 +186,11 @@ def lane_loop(function: Any, off: Off) -> Callable[..., None]:
     if not HAVE_NUMBA:
         return lambda active, *given: plain(*given)
     names: dict[str, Any]
-    if off is SINGLE:
+    if variant is SINGLE:
         names = {"twin": compiled(plain)}
         source = f"def loop(active, {arguments}):\n    twin({arguments})\n"
     else:
-        names = {"twin": lane_twin(function, off)}
+        names = {"twin": lane_twin(function, variant)}
         source = (
             f"def loop(active, {arguments}):\n"
             f"    for lane in range(min(active, {LANES})):\n"
@@ -172,5 +198,5 @@ def lane_loop(function: Any, off: Off) -> Callable[..., None]:
         )
     exec(compile(source, f"<lane loop of {plain.__name__}>", "exec"), names)
     loop: FunctionType = names["loop"]
-    loop.__name__ = loop.__qualname__ = f"{plain.__name__}_of_lanes_{kernel_name(off)}"
-    return compiled(loop) if off is SINGLE else compiled_loop(loop)
+    loop.__name__ = loop.__qualname__ = f"{plain.__name__}_of_lanes_{kernel_name(variant)}"
+    return compiled(loop) if variant is SINGLE else compiled_loop(loop)

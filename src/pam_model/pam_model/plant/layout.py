@@ -1,20 +1,19 @@
 """The layout of the plant's arrays: parameters by name, derived constants, states, outputs.
 
-The compiled kernels index flat arrays with these integers; all other code uses names. The entries
-of effects (constants of their laws, states of PullState) follow those of the ideal rig, in the
-order of the registry.
+The compiled kernels index flat arrays with these integers; all other code uses names. A joint has
+its own entries first, then those of each of its muscles, of which there may be any number. The
+entries of effects (constants of their laws, states of PullState) follow those of the ideal rig, in
+the order of the registry.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from pam_model.effects.declaration import Effect
 from pam_model.effects.registry import EFFECTS, filled
 from pam_model.effects.slots import Adjusts, PullState
-
-MUSCLES = ("agonist", "antagonist")
 
 # --- parameters of the rig file, by name and unit ---------------------------------------------
 JOINT_NOMINAL = (
@@ -49,7 +48,7 @@ MUSCLE_NOMINAL = (
     ("valve.damping", "-"),  # of a regulator's two poles
 )
 
-# --- derived constants of the joint, then of each muscle (offset by AGONIST, ANTAGONIST) -------
+# --- derived constants of the joint, then of each muscle (see `constants_at`) -------------------
 (
     C_TEMPERATURE,
     C_AMBIENT,
@@ -69,14 +68,18 @@ MUSCLE_NOMINAL = (
     C_DROOP,
     C_DROOP_VOLUME,
     C_DROOP_CONDUCTANCE,
+    C_DROOP_CRITICAL,
     C_FRICTION,
     C_PRESLIDING,
     C_RATE,
     C_PER_INERTIA,
     C_ARM_SLOPE,
     C_ARM_BEND,
-) = range(24)
+) = range(25)
 (
+    M_ARM,
+    M_CROSSED,
+    M_CROSSED_SPEED,
     M_TABLE,
     M_B,
     M_PER_B,
@@ -107,7 +110,7 @@ MUSCLE_NOMINAL = (
     M_THERMAL,
     M_SHUT_EXPONENT,
     M_THREAD,
-) = range(30)
+) = range(33)
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,49 +144,51 @@ def _effect_constants(of_muscle: bool, first: int) -> tuple[dict[str, EffectCons
     return found, first
 
 
-JOINT_EFFECTS, AGONIST = _effect_constants(False, C_ARM_BEND + 1)
+JOINT_EFFECTS, C_MUSCLES = _effect_constants(False, C_ARM_BEND + 1)
 MUSCLE_EFFECTS, N_MUSCLE_CONSTANTS = _effect_constants(True, M_THREAD + 1)
-ANTAGONIST = AGONIST + N_MUSCLE_CONSTANTS
-N_CONSTANTS = AGONIST + 2 * N_MUSCLE_CONSTANTS
 
 # --- states ------------------------------------------------------------------------------------
-Y_POSITION, Y_VELOCITY, Y_RESERVOIR, Y_BRISTLE = 0, 1, 2, 3
-Y_AGONIST = 4
+Y_POSITION, Y_VELOCITY, Y_RESERVOIR, Y_BRISTLE = range(4)
+Y_MUSCLES = 4
 S_SPOOL, S_PRESSURE, S_VALVE_PRESSURE, S_TEMPERATURE = range(4)
 PULL_STATES: Mapping[str, int] = {
     slot.name: S_TEMPERATURE + 1 + i for i, (_, slot) in enumerate(filled(PullState))
 }
 """The states that effects add to each muscle: name -> index."""
 N_MUSCLE_STATES = S_TEMPERATURE + 1 + len(PULL_STATES)
-Y_ANTAGONIST = Y_AGONIST + N_MUSCLE_STATES
-N_STATES = Y_AGONIST + 2 * N_MUSCLE_STATES
-STATE_NAMES = (
-    "position",
-    "velocity",
-    "reservoir_pressure",
-    "friction_bristle",
-    *(
-        f"{muscle}.{state}"
-        for muscle in MUSCLES
-        for state in ("spool", "pressure", "valve_pressure", "temperature", *PULL_STATES)
-    ),
-)
 
 # --- outputs -----------------------------------------------------------------------------------
 O_POSITION, O_VELOCITY, O_TORQUE, O_RESERVOIR = range(4)
-O_AGONIST = 4
+O_MUSCLES = 4
 O_PRESSURE, O_VALVE_PRESSURE, O_FORCE, O_LENGTH, O_SPOOL, O_TEMPERATURE = range(6)
 N_MUSCLE_OUTPUTS = 6
-O_ANTAGONIST = O_AGONIST + N_MUSCLE_OUTPUTS
-OUTPUT_NAMES = (
-    "position",
-    "velocity",
-    "torque",
-    "reservoir_pressure",
-    *(
-        f"{muscle}.{output}"
-        for muscle in MUSCLES
-        for output in ("pressure", "valve_pressure", "force", "length", "spool", "temperature")
-    ),
-)
-N_OUTPUTS = len(OUTPUT_NAMES)
+
+
+# --- a joint with any number of muscles: what it has, then what each of its muscles has ----------
+def constants_of(muscle: int) -> int:
+    """Where the constants of a muscle begin; of one beyond the last, the number of constants."""
+    return C_MUSCLES + muscle * N_MUSCLE_CONSTANTS
+
+
+def states_of(muscle: int) -> int:
+    """Where the states of a muscle begin; of one beyond the last, the number of states."""
+    return Y_MUSCLES + muscle * N_MUSCLE_STATES
+
+
+def outputs_of(muscle: int) -> int:
+    """Where the outputs of a muscle begin; of one beyond the last, the number of outputs."""
+    return O_MUSCLES + muscle * N_MUSCLE_OUTPUTS
+
+
+def state_names(muscles: Iterable[str]) -> tuple[str, ...]:
+    """Names of the states of a joint with these muscles."""
+    of_joint = ("position", "velocity", "reservoir_pressure", "friction_bristle")
+    of_muscle = ("spool", "pressure", "valve_pressure", "temperature", *PULL_STATES)
+    return (*of_joint, *(f"{muscle}.{state}" for muscle in muscles for state in of_muscle))
+
+
+def output_names(muscles: Iterable[str]) -> tuple[str, ...]:
+    """Names of the outputs of a joint with these muscles."""
+    of_joint = ("position", "velocity", "torque", "reservoir_pressure")
+    of_muscle = ("pressure", "valve_pressure", "force", "length", "spool", "temperature")
+    return (*of_joint, *(f"{muscle}.{output}" for muscle in muscles for output in of_muscle))

@@ -10,11 +10,11 @@ import numpy as np
 import numpy.typing as npt
 
 from pam_model.plant.compiled import entry_point, for_kernel
-from pam_model.plant.kernel import record, run
+from pam_model.plant.kernel import WORK_ROWS, record, run
 from pam_model.plant.lane_blocks import Lanes
 from pam_model.plant.lane_kernel import advance_lanes, with_loops
-from pam_model.plant.lane_twins import LANES, SINGLE, Off
-from pam_model.plant.layout import N_OUTPUTS, N_STATES
+from pam_model.plant.lane_twins import LANES, SINGLE, Variant
+from pam_model.plant.layout import outputs_of
 
 Array = npt.NDArray[np.float64]
 
@@ -52,10 +52,10 @@ def step_block(
 
 
 @cache
-def _compiled_step(off: Off) -> Callable[..., None]:
-    """`step_block` compiled for lanes in which the constants in `off` are 0."""
-    made = with_loops(step_block, (record,), off)
-    made.__globals__["advance_block"] = advance_lanes(off, own_commands=True)
+def _compiled_step(variant: Variant) -> Callable[..., None]:
+    """`step_block` compiled for a variant of the plant."""
+    made = with_loops(step_block, (record,), variant)
+    made.__globals__["advance_block"] = advance_lanes(variant, own_commands=True)
     return entry_point(made)
 
 
@@ -70,36 +70,37 @@ class SteppedBlock:
         Of each plant of the batch.
     states : (n_batch, n_states) array
         Of each plant.
-    tables : tuple of two arrays
-        Force tables of both muscles, as the kernels take them.
+    tables : tuple of arrays
+        Force table of each muscle, as the kernels take them.
     """
 
     def __init__(self, group: Lanes, constants: Array, states: Array, tables: Any) -> None:
         self.members = group.members
         self._group, self._tables = group, tables
-        width = group.width
+        width, muscles = group.width, len(tables)
+        n_states, n_outputs = states.shape[1], outputs_of(muscles)
         self._c, self._y = group.side_by_side(constants), group.side_by_side(states)
-        self._commands = np.zeros((width, 0, 2))
-        self._output = np.zeros(N_OUTPUTS * width)
+        self._commands = np.zeros((width, 0, muscles))
+        self._output = np.zeros(n_outputs * width)
         self._scratch = (
-            *(np.zeros(N_STATES * width) for _ in range(5)),
-            np.zeros(2 * width),
+            *(np.zeros(n_states * width) for _ in range(5)),
+            np.zeros(muscles * width),
             np.zeros(2 * width),
             np.zeros(width),
-            np.zeros(3),
+            np.zeros(1 + muscles),
         )
         self._alone = (
             for_kernel(np.zeros(0)),
-            for_kernel(np.zeros((0, 2))),
-            for_kernel(np.zeros((6, N_STATES))),
-            for_kernel(np.zeros((1, N_OUTPUTS))),
+            for_kernel(np.zeros((0, muscles))),
+            for_kernel(np.zeros((WORK_ROWS, n_states))),
+            for_kernel(np.zeros((1, n_outputs))),
         )
 
     @property
     def states(self) -> Array:
         """Of its members, (n_member, n_states)."""
         width = self._group.width
-        y = np.asarray(self._y, dtype=float).reshape(N_STATES, width)
+        y = np.asarray(self._y, dtype=float).reshape(-1, width)
         return y.T[: len(self.members)]
 
     def step(self, commands: Array, sample_time: float, longest_step: float) -> Array:
@@ -107,28 +108,28 @@ class SteppedBlock:
 
         Parameters
         ----------
-        commands : (n_member, n_rows, 2) array
+        commands : (n_member, n_rows, n_muscles) array
             Of each member; the last row holds now, those before it are the past.
         sample_time, longest_step : float
             Of a row, and of an integration step at most [s].
         """
-        if self._group.off is SINGLE:
+        if self._group.variant is SINGLE:
             return self._step_alone(commands[0], sample_time, longest_step)
         if self._commands.shape[1] != commands.shape[1]:
-            self._commands = np.zeros((self._group.width, commands.shape[1], 2))
+            self._commands = np.zeros((self._group.width, *commands.shape[1:]))
         self._commands[: len(commands)] = commands
         self._commands[len(commands) :] = commands[-1]
-        _compiled_step(self._group.off)(
+        _compiled_step(self._group.variant)(
             self._group.active, self._c, self._tables, self._commands, commands.shape[1] - 1,
             sample_time, self._group.steps, self._y, *self._scratch, self._output,
         )  # fmt: skip
-        return self._output.reshape(N_OUTPUTS, LANES).T[: len(self.members)]
+        return self._output.reshape(-1, LANES).T[: len(self.members)]
 
     def _step_alone(self, commands: Array, sample_time: float, longest_step: float) -> Array:
-        none, no_pairs, work, row = self._alone
+        none, no_pressures, work, row = self._alone
         run(
-            self._c, self._tables, for_kernel(commands), len(commands) - 1, none, no_pairs, False,
-            sample_time, longest_step, self._y, work, row,
+            self._c, self._tables, for_kernel(commands), len(commands) - 1, none, no_pressures,
+            False, sample_time, longest_step, self._y, work, row,
         )  # fmt: skip
         record(self._c, self._tables, self._y, row[0])
         return np.asarray(row, dtype=float)

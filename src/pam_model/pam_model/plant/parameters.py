@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -22,29 +23,18 @@ from pam_model.errors import UnknownNameError
 from pam_model.names import unknown
 from pam_model.plant import layout as lay
 from pam_model.plant.force_table import NO_TABLE, closed_form, make_table
+from pam_model.plant.joint_muscles import (
+    PAIR,
+    SIDES,
+    JointMuscle,
+    JointMuscles,
+    checked_muscles,
+    names_of,
+)
 from pam_model.rig import Joint, Muscle, Rig
 from pam_model.rig.keys import NUMBERS
 
 Vector = npt.NDArray[np.float64]
-
-
-def _names() -> tuple[tuple[str, str], ...]:
-    names = list(lay.JOINT_NOMINAL)
-    for muscle in lay.MUSCLES:
-        names += [(f"{muscle}.{name}", unit) for name, unit in lay.MUSCLE_NOMINAL]
-    for effect in EFFECTS.values():
-        owners = [f"{muscle}." for muscle in lay.MUSCLES] if effect.scope == "muscle" else [""]
-        for owner in owners:
-            names += [
-                (f"{owner}{effect.name}.{key}", entry.unit)
-                for key, entry in effect.parameters.items()
-            ]
-    return tuple(names)
-
-
-UNITS: Mapping[str, str] = dict(_names())
-NAMES: tuple[str, ...] = tuple(UNITS)
-INDEX: Mapping[str, int] = {name: i for i, name in enumerate(NAMES)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +46,7 @@ class RigPlace:
     section : str
         "rig", "gas", "joint", "muscle", "valve" or "effect".
     side : str
-        "agonist" or "antagonist" for a parameter of a muscle, else empty.
+        Name of the muscle for a parameter of a muscle, else empty.
     effect : str
         The effect to which it belongs, else empty.
     key : str
@@ -69,59 +59,102 @@ class RigPlace:
     key: str
 
 
-def _rig_places() -> dict[str, RigPlace]:
-    places = {}
-    for name, _ in lay.JOINT_NOMINAL:
+@dataclass(frozen=True, slots=True)
+class ParameterTable:
+    """The parameters of a joint with certain muscles, in the order of the vector.
+
+    Attributes
+    ----------
+    muscles : tuple of str
+        Names of its muscles.
+    units : mapping of str to str
+        Unit of each parameter, by its name.
+    index : mapping of str to int
+        Position of each parameter in the vector.
+    places : mapping of str to RigPlace
+        Where a rig file states each parameter.
+    """
+
+    muscles: tuple[str, ...]
+    units: Mapping[str, str]
+    index: Mapping[str, int]
+    places: Mapping[str, RigPlace]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of all parameters."""
+        return tuple(self.units)
+
+
+@cache
+def parameter_table(muscles: tuple[str, ...]) -> ParameterTable:
+    """The table of the parameters of a joint with muscles of these names."""
+    units: dict[str, str] = {}
+    places: dict[str, RigPlace] = {}
+
+    def add(name: str, unit: str, place: RigPlace) -> None:
+        units[name], places[name] = unit, place
+
+    for name, unit in lay.JOINT_NOMINAL:
         section, _, key = name.rpartition(".")
-        places[name] = RigPlace(section or "rig", "", "", key)
-    for side in lay.MUSCLES:
-        for name, _ in lay.MUSCLE_NOMINAL:
+        add(name, unit, RigPlace(section or "rig", "", "", key))
+    for muscle in muscles:
+        for name, unit in lay.MUSCLE_NOMINAL:
             section, _, key = name.rpartition(".")
-            places[f"{side}.{name}"] = RigPlace(section or "muscle", side, "", key)
+            add(f"{muscle}.{name}", unit, RigPlace(section or "muscle", muscle, "", key))
     for effect in EFFECTS.values():
-        for side in lay.MUSCLES if effect.scope == "muscle" else ("",):
-            for key in effect.parameters:
-                name = f"{side}.{effect.name}.{key}".lstrip(".")
-                places[name] = RigPlace("effect", side, effect.name, key)
-    return places
+        for owner in muscles if effect.scope == "muscle" else ("",):
+            for key, entry in effect.parameters.items():
+                name = f"{owner}.{effect.name}.{key}".lstrip(".")
+                add(name, entry.unit, RigPlace("effect", owner, effect.name, key))
+    return ParameterTable(muscles, units, {name: i for i, name in enumerate(units)}, places)
 
 
-RIG_PLACES: Mapping[str, RigPlace] = _rig_places()
-"""The place of every plant parameter in a rig file, by its name."""
+_OF_PAIR = parameter_table(SIDES)
+UNITS: Mapping[str, str] = _OF_PAIR.units
+"""Units of the parameters of a joint with the pair of a rig file; so are the names below."""
+NAMES: tuple[str, ...] = _OF_PAIR.names
+INDEX: Mapping[str, int] = _OF_PAIR.index
+RIG_PLACES: Mapping[str, RigPlace] = _OF_PAIR.places
 
 
-def neutral_values() -> dict[str, float]:
+def neutral_values(muscles: tuple[str, ...] = SIDES) -> dict[str, float]:
     """The neutral values of all effects' parameters, by their names in the vector."""
     result = {}
     for effect in EFFECTS.values():
-        owners = [f"{muscle}." for muscle in lay.MUSCLES] if effect.scope == "muscle" else [""]
+        owners = [f"{muscle}." for muscle in muscles] if effect.scope == "muscle" else [""]
         for owner in owners:
             for key, entry in effect.parameters.items():
                 result[f"{owner}{effect.name}.{key}"] = entry.neutral
     return result
 
 
-def parameter_names(effect: str, parameter: str) -> tuple[str, ...]:
+def parameter_names(
+    effect: str, parameter: str, muscles: tuple[str, ...] = SIDES
+) -> tuple[str, ...]:
     """Names of one effect's parameter in the vector: one, or one per muscle."""
     if EFFECTS[effect].scope == "muscle":
-        return tuple(f"{muscle}.{effect}.{parameter}" for muscle in lay.MUSCLES)
+        return tuple(f"{muscle}.{effect}.{parameter}" for muscle in muscles)
     return (f"{effect}.{parameter}",)
 
 
 @dataclass(frozen=True, eq=False)
 class PlantParameters:
-    """One joint's parameters, as `values[INDEX[name]]`.
+    """One joint's parameters, as `values[index[name]]`.
 
     Attributes
     ----------
     values : (n_parameters,) array
-        In the order of NAMES, units in UNITS.
-    tables : pair of arrays
+        In the order of the names in `table`, with its units.
+    tables : tuple of n_muscles arrays
         Force tables of muscles whose model has no closed form in the plant, else placeholders.
+    muscles : tuple of n_muscles JointMuscle, optional
+        The muscles of the joint; by default the pair of a rig file.
     """
 
     values: Vector
-    tables: tuple[Vector, Vector] = field(default=(NO_TABLE, NO_TABLE))
+    tables: tuple[Vector, ...] = (NO_TABLE, NO_TABLE)
+    muscles: JointMuscles = PAIR
 
     @classmethod
     def from_rig(cls, rig: Rig, joint: str | int = 0) -> PlantParameters:
@@ -133,25 +166,59 @@ class PlantParameters:
             If the rig has no such joint.
         """
         entry = rig.joint(joint)
-        muscles = (rig.muscle(entry.agonist), rig.muscle(entry.antagonist))
-        values: dict[str, float] = neutral_values()
+        pair = (rig.muscle(entry.agonist), rig.muscle(entry.antagonist))
+        return cls.with_muscles(rig, joint, dict(zip(PAIR, pair, strict=True)))
+
+    @classmethod
+    def with_muscles(
+        cls, rig: Rig, joint: str | int, muscles: Mapping[JointMuscle, Muscle]
+    ) -> PlantParameters:
+        """The parameters of a joint that any number of muscles turn.
+
+        Parameters
+        ----------
+        rig : Rig
+            Gives the gas, the supply and the effects of the rig.
+        joint : str or int
+            The joint by its name or number; which muscles the rig gives it does not matter.
+        muscles : mapping of JointMuscle to Muscle
+            What is known of each muscle. A muscle of the rig may occur several times, by several
+            names.
+
+        Raises
+        ------
+        UnknownNameError
+            If the rig has no such joint.
+        PamError
+            For muscles that a joint cannot have, see `checked_muscles`.
+        """
+        entry = rig.joint(joint)
+        turning = checked_muscles(tuple(muscles))
+        names = names_of(turning)
+        values: dict[str, float] = neutral_values(names)
         values.update(_joint_values(rig, entry))
         tables = []
-        for side, muscle in zip(lay.MUSCLES, muscles, strict=True):
+        for name, muscle in zip(names, muscles.values(), strict=True):
             nominal, table = _muscle_values(rig, muscle)
-            values.update({f"{side}.{key}": value for key, value in nominal.items()})
+            values.update({f"{name}.{key}": value for key, value in nominal.items()})
             tables.append(table)
-        values.update(_effect_values(rig, entry, muscles))
-        vector = np.array([values[name] for name in NAMES])
-        return cls(vector, (tables[0], tables[1]))
+        of_muscles = dict(zip(names, muscles.values(), strict=True))
+        values.update(_effect_values(rig, entry, of_muscles))
+        vector = np.array([values[name] for name in parameter_table(names).names])
+        return cls(vector, tuple(tables), turning)
+
+    @cached_property
+    def table(self) -> ParameterTable:
+        """Names, units and places of the parameters."""
+        return parameter_table(names_of(self.muscles))
 
     def __getitem__(self, name: str) -> float:
-        return float(self.values[index(name)])
+        return float(self.values[index(name, self.table)])
 
     def replaced(self, changes: Mapping[str, float]) -> PlantParameters:
         """A copy with changed values of some parameters, by name.
 
-        An effect's parameter without a muscle ("leakage.conductance") is set on both muscles.
+        An effect's parameter without a muscle ("leakage.conductance") is set on all muscles.
 
         Raises
         ------
@@ -161,8 +228,9 @@ class PlantParameters:
             For a value that a rig file could not have.
         """
         for name, value in changes.items():
-            low, high = bounds_of(expand_name(name)[0])
-            within(f"plant parameter {name}", value, low, high, UNITS[expand_name(name)[0]])
+            full = expand_name(name, self.table)[0]
+            low, high = bounds_of(full, self.table)
+            within(f"plant parameter {name}", value, low, high, self.table.units[full])
         return self.forced(changes)
 
     def forced(self, changes: Mapping[str, float]) -> PlantParameters:
@@ -170,37 +238,37 @@ class PlantParameters:
         values = self.values.copy()
         for name, value in changes.items():
             within(f"plant parameter {name}", value)
-            for full in expand_name(name):
-                values[INDEX[full]] = value
+            for full in expand_name(name, self.table):
+                values[self.table.index[full]] = value
         return replace(self, values=values)
 
 
-def expand_name(name: str) -> tuple[str, ...]:
-    """The entries of the vector that a name denotes; both muscles' if it names no muscle.
+def expand_name(name: str, table: ParameterTable = _OF_PAIR) -> tuple[str, ...]:
+    """The entries of the vector that a name denotes; all muscles' if it names no muscle.
 
     Raises
     ------
     UnknownNameError
         For a name the plant does not have.
     """
-    if name in INDEX:
+    if name in table.index:
         return (name,)
-    both = tuple(f"{muscle}.{name}" for muscle in lay.MUSCLES)
-    if both[0] in INDEX:
-        return both
-    raise UnknownNameError(_unknown(name))
+    all_of_them = tuple(f"{muscle}.{name}" for muscle in table.muscles)
+    if all_of_them[0] in table.index:
+        return all_of_them
+    raise UnknownNameError(_unknown(name, table))
 
 
-def _unknown(name: str) -> str:
-    prefixes = tuple(f"{muscle}." for muscle in lay.MUSCLES)
-    of_both = [one.removeprefix(prefixes[0]) for one in NAMES if one.startswith(prefixes[0])]
-    near = unknown("plant parameter", name, [*NAMES, *of_both])
+def _unknown(name: str, table: ParameterTable) -> str:
+    first = f"{table.muscles[0]}."
+    of_all = [one.removeprefix(first) for one in table.names if one.startswith(first)]
+    near = unknown("plant parameter", name, [*table.names, *of_all])
     return f"{near} All names: pam_model.plant.parameters.NAMES"
 
 
-def bounds_of(name: str) -> tuple[float, float]:
+def bounds_of(name: str, table: ParameterTable = _OF_PAIR) -> tuple[float, float]:
     """Lowest and highest value of a plant parameter that a rig file may have, in its unit."""
-    place = RIG_PLACES[name]
+    place = table.places[name]
     if place.section == "effect":
         entry = EFFECTS[place.effect].parameters[place.key]
         return entry.low, entry.high
@@ -208,7 +276,7 @@ def bounds_of(name: str) -> tuple[float, float]:
     return (key.low, key.high) if key else (-math.inf, math.inf)
 
 
-def index(name: str) -> int:
+def index(name: str, table: ParameterTable = _OF_PAIR) -> int:
     """Position of a parameter in the vector.
 
     Raises
@@ -216,9 +284,9 @@ def index(name: str) -> int:
     UnknownNameError
         For a name the plant does not have.
     """
-    if name not in INDEX:
-        raise UnknownNameError(_unknown(name))
-    return INDEX[name]
+    if name not in table.index:
+        raise UnknownNameError(_unknown(name, table))
+    return table.index[name]
 
 
 def _joint_values(rig: Rig, joint: Joint) -> dict[str, float]:
@@ -265,15 +333,12 @@ def _muscle_values(rig: Rig, muscle: Muscle) -> tuple[dict[str, float], Vector]:
     }, table
 
 
-def _effect_values(rig: Rig, joint: Joint, muscles: tuple[Muscle, Muscle]) -> dict[str, float]:
+def _effect_values(rig: Rig, joint: Joint, muscles: Mapping[str, Muscle]) -> dict[str, float]:
     values = {}
     for effect in EFFECTS.values():
         holders: list[tuple[str, Any]]
         if effect.scope == "muscle":
-            holders = [
-                (f"{side}.", muscle.effects)
-                for side, muscle in zip(lay.MUSCLES, muscles, strict=True)
-            ]
+            holders = [(f"{name}.", muscle.effects) for name, muscle in muscles.items()]
         else:
             holders = [("", joint.effects if effect.scope == "joint" else rig.effects)]
         for owner, given in holders:

@@ -21,7 +21,7 @@ from pam_model.plant.kernel import record
 from pam_model.plant.lane_blocks import blocks_of_lanes
 from pam_model.plant.lane_choice import lane_kernels
 from pam_model.plant.own_commands_kernel import SteppedBlock
-from pam_model.plant.parameters import NAMES, PlantParameters
+from pam_model.plant.parameters import PlantParameters
 from pam_model.plant.sensors import SensorBank
 
 Array = npt.NDArray[np.float64]
@@ -62,26 +62,31 @@ class PlantBatch:
         within("period", period, unit="s", above=0.0)
         within("step", step, unit="s", above=0.0)
         n = len(values)
-        if values.shape != (n, len(NAMES)) or states.shape != (n, lay.N_STATES) or n == 0:
+        n_values, n_states = len(parameters.values), lay.states_of(len(parameters.muscles))
+        if values.shape != (n, n_values) or states.shape != (n, n_states) or n == 0:
             raise PamError(
-                f"values {values.shape} and states {states.shape}: expected (n, {len(NAMES)}) and "
-                f"(n, {lay.N_STATES}), n at least 1"
+                f"values {values.shape} and states {states.shape}: expected (n, {n_values}) and "
+                f"(n, {n_states}), n at least 1"
             )
         if not (np.isfinite(values).all() and np.isfinite(states).all()):
             raise PamError("values or states hold numbers that are not finite")
         self.period, self._step = period, step
         self._tables: Any = tuple(for_kernel(table) for table in parameters.tables)
         self._values = np.array(values, dtype=float)
-        self._constants = np.array([derive_constants(vector) for vector in values])
+        self._muscles = parameters.muscles
+        self._constants = self._derived(values)
         self._states = np.array(states, dtype=float)
-        self._outputs = np.zeros((n, lay.N_OUTPUTS))
+        self._outputs = np.zeros((n, lay.outputs_of(len(self._muscles))))
         self._fresh, self._all = np.full(n, True), np.full(n, True)
-        self._past = np.zeros((n, 1, 2))
-        self._sensors = SensorBank(self._values, period)
+        self._past = np.zeros((n, 1, len(self._muscles)))
+        self._sensors = SensorBank(self._values, period, self._muscles)
         self._begin()
 
+    def _derived(self, values: Array) -> Array:
+        return np.array([derive_constants(vector, muscles=self._muscles) for vector in values])
+
     def _begin(self) -> None:
-        delays = self._constants[:, [lay.AGONIST + lay.M_DELAY, lay.ANTAGONIST + lay.M_DELAY]]
+        delays = self._constants[:, lay.C_MUSCLES + lay.M_DELAY :: lay.N_MUSCLE_CONSTANTS]
         rows = int(delays.max() / self.period) + 3 if delays.any() else 1
         kept = self._past[:, -rows:]
         missing = np.repeat(kept[:, :1], rows - kept.shape[1], axis=1)
@@ -94,14 +99,14 @@ class PlantBatch:
 
     @property
     def states(self) -> Array:
-        """A copy of the states (n, n_states), in the order of layout.STATE_NAMES."""
+        """A copy of the states (n, n_states), in the order of layout.state_names."""
         for block in self._blocks:
             self._states[block.members] = block.states
         return self._states.copy()
 
     @property
     def outputs(self) -> Array:
-        """The true quantities (n, n_outputs) after the last step, by layout.OUTPUT_NAMES."""
+        """The true quantities (n, n_outputs) after the last step, by layout.output_names."""
         return self._outputs.copy()
 
     @property
@@ -121,7 +126,7 @@ class PlantBatch:
         """
         self._states = self.states
         self._values[chosen], self._states[chosen] = values, states
-        self._constants[chosen] = np.array([derive_constants(vector) for vector in values])
+        self._constants[chosen] = self._derived(values)
         self._fresh[chosen] = True
         self._sensors.restart(chosen, values)
         self._begin()
@@ -131,13 +136,13 @@ class PlantBatch:
 
         Parameters
         ----------
-        commands : (n, 2) array
+        commands : (n, n_muscles) array
             Spool -1..1 of a flow valve, gauge pressure [Pa] of a regulator.
 
         Returns
         -------
-        (n, 3) array
-            Position [rad] and both gauge pressures [Pa], as `Plant.step` gives them.
+        (n, 1 + n_muscles) array
+            Position [rad] and all gauge pressures [Pa], as `Plant.step` gives them.
         """
         self._past[:, :-1] = self._past[:, 1:]
         self._past[:, -1] = commands
@@ -160,11 +165,11 @@ class PlantBatch:
         """
         states = self.states
         for i in np.flatnonzero(chosen):
-            row = for_kernel(np.zeros(lay.N_OUTPUTS))
+            row = for_kernel(np.zeros(self._outputs.shape[1]))
             record(for_kernel(self._constants[i]), self._tables, for_kernel(states[i]), row)
             self._outputs[i] = row
         return self._readings(chosen)
 
     def _readings(self, chosen: npt.NDArray[np.bool_]) -> Array:
-        pressures = self._outputs[:, lay.O_AGONIST + lay.O_VALVE_PRESSURE :: lay.N_MUSCLE_OUTPUTS]
+        pressures = self._outputs[:, lay.O_MUSCLES + lay.O_VALVE_PRESSURE :: lay.N_MUSCLE_OUTPUTS]
         return self._sensors.update(chosen, self._outputs[:, lay.O_POSITION], pressures)

@@ -7,10 +7,13 @@ stopped by the friction that the rest of the step leaves; an end stop is inelast
 impulses, which move the other joints as well. All valves draw from one reservoir.
 
 What the rig file states of a joint alone, its inertia and its gravity torque, is added to the
-links. Without links, the joints do not move each other.
+links. Without links, the joints do not move each other, unless a muscle crosses several of them.
 
-The state has one row per joint in the order of layout.STATE_NAMES; the pressure of the reservoir is
-in each row.
+Constants, states and outputs have one row per joint, in the order of layout.py; a joint with fewer
+muscles than another uses the first part of its row. The pressure of the reservoir is in each row.
+
+A muscle belongs to one joint and may cross others. A crossing is a row (joint, muscle of this
+joint, other joint, signed lever arm at the other joint [m]).
 """
 
 from __future__ import annotations
@@ -23,10 +26,14 @@ from pam_model.physics.sine import sine
 from pam_model.plant.compiled import compiled, compiled_loop, entry_point
 from pam_model.plant.composition import dry_friction
 from pam_model.plant.joint_stage import hinge_torques, reservoir_rate
-from pam_model.plant.kernel import LOWEST_PRESSURE, held_command, record, step_count
+from pam_model.plant.kernel import (
+    LOWEST_PRESSURE,
+    held_command,
+    muscle_pull,
+    record,
+    step_count,
+)
 from pam_model.plant.layout import (
-    AGONIST,
-    ANTAGONIST,
     C_DROOP,
     C_DROOP_CONDUCTANCE,
     C_DROOP_VOLUME,
@@ -34,14 +41,17 @@ from pam_model.plant.layout import (
     C_GRAVITY,
     C_GRAVITY_ANGLE,
     C_LOWER,
+    C_MUSCLES,
     C_PRESLIDING,
     C_RATE,
     C_UPPER,
+    M_CROSSED,
+    M_CROSSED_SPEED,
     M_DELAY,
+    N_MUSCLE_CONSTANTS,
     N_MUSCLE_STATES,
-    N_STATES,
     S_PRESSURE,
-    Y_AGONIST,
+    Y_MUSCLES,
     Y_POSITION,
     Y_RESERVOIR,
     Y_VELOCITY,
@@ -61,10 +71,26 @@ def is_stuck_by_friction(c: Any) -> bool:
     return bool(c[C_PRESLIDING] <= 0.0 and c[C_FRICTION] > 0.0)
 
 
+@compiled
+def route_crossings(c: Any, crossings: Any, y: Any, contacts: Any) -> None:
+    """Write what the other joints add to the paths of the muscles that cross them."""
+    for k in range(len(crossings)):
+        m = C_MUSCLES + int(crossings[k][1]) * N_MUSCLE_CONSTANTS
+        c[int(crossings[k][0])][m + M_CROSSED] = 0.0
+        c[int(crossings[k][0])][m + M_CROSSED_SPEED] = 0.0
+    for k in range(len(crossings)):
+        i, other = int(crossings[k][0]), int(crossings[k][2])
+        m = C_MUSCLES + int(crossings[k][1]) * N_MUSCLE_CONSTANTS
+        c[i][m + M_CROSSED] -= crossings[k][3] * y[other][Y_POSITION]
+        if contacts[other] != HELD:
+            c[i][m + M_CROSSED_SPEED] -= crossings[k][3] * y[other][Y_VELOCITY]
+
+
 @compiled_loop
 def robot_rates(
     c: Any,
     tables: Any,
+    topology: Any,
     body: Any,
     y: Any,
     dy: Any,
@@ -75,22 +101,28 @@ def robot_rates(
 ) -> None:
     """Write the rates of all states; work[_STATE] and work[_SLIDING] hold the contacts."""
     links, gravity, inertia, scratch, mass, factor = body
+    first, crossings = topology
     n = len(c)
+    route_crossings(c, crossings, y, work[_STATE])
     drawn = 0.0
     conductance = 0.0
     volume = 0.0
     for i in range(n):
         work[_ANGLES][i] = y[i][Y_POSITION]
         work[_SPEEDS][i] = y[i][Y_VELOCITY]
-        pair = (tables[2 * i], tables[2 * i + 1])
+        own, beyond = first[i], first[i + 1]
         _, total, flow = hinge_torques(
-            c[i], pair, y[i], dy[i], held[2 * i], held[2 * i + 1], drive, work[_SLIDING][i],
+            c[i], tables[own:beyond], y[i], dy[i], held[own:beyond], drive, work[_SLIDING][i],
             work[_STATE][i] != HELD, (False, False), False, step,
         )  # fmt: skip
         work[_TOTAL][i] = total
         drawn += flow
         conductance += c[i][C_DROOP_CONDUCTANCE]
         volume += c[i][C_DROOP_VOLUME]
+    for k in range(len(crossings)):
+        i, muscle, other = int(crossings[k][0]), int(crossings[k][1]), int(crossings[k][2])
+        force = muscle_pull(muscle, c[i], tables[first[i] : first[i + 1]], y[i])
+        work[_TOTAL][other] += crossings[k][3] * force
     for i in range(n):
         work[_BIAS][i] = 0.0
         for j in range(n):
@@ -98,8 +130,8 @@ def robot_rates(
     if len(links) > 0:
         mass_and_bias(links, gravity, work[_ANGLES], work[_SPEEDS], scratch, mass, work[_BIAS])
     for i in range(n):
-        own = c[i][C_GRAVITY] * sine(y[i][Y_POSITION] - c[i][C_GRAVITY_ANGLE])
-        work[_TOTAL][i] -= own + work[_BIAS][i]
+        falling = c[i][C_GRAVITY] * sine(y[i][Y_POSITION] - c[i][C_GRAVITY_ANGLE])
+        work[_TOTAL][i] -= falling + work[_BIAS][i]
         mass[i][i] += inertia[i]
     solve_moving(mass, work[_STATE], work[_TOTAL], factor, work[_ACCELERATION])
     rate = 0.0
@@ -112,8 +144,9 @@ def robot_rates(
 
 @compiled_loop
 def judge_contacts(
-    c: Any, tables: Any, body: Any, y: Any, dy: Any, held: Any, drive: Any, work: Any, step: float
-) -> None:
+    c: Any, tables: Any, topology: Any, body: Any, y: Any, dy: Any, held: Any, drive: Any,
+    work: Any, step: float,
+) -> None:  # fmt: skip
     """Decide which joints are held in this step, and in which direction friction acts."""
     _, _, _, _, mass, factor = body
     n = len(c)
@@ -135,7 +168,7 @@ def judge_contacts(
             any_at_rest = True
     if not any_at_rest:
         return
-    robot_rates(c, tables, body, y, dy, held, drive, work, step)
+    robot_rates(c, tables, topology, body, y, dy, held, drive, work, step)
     settle_contacts(
         mass, work[_TOTAL], work[_LOW], work[_HIGH], work[_STATE], factor, work[_GIVEN],
         work[_ACCELERATION], work[_EFFORT],
@@ -215,28 +248,30 @@ def settle_robot(c: Any, body: Any, y: Any, work: Any, step: float) -> None:
 
 @compiled_loop
 def advance_robot(
-    c: Any, tables: Any, body: Any, y: Any, ks: Any, ys: Any, held: Any, drive: Any, work: Any,
-    h: float,
+    c: Any, tables: Any, topology: Any, body: Any, y: Any, ks: Any, ys: Any, held: Any, drive: Any,
+    work: Any, h: float,
 ) -> None:  # fmt: skip
     """Advance the state by one step of `h` [s]."""
-    n = len(c)
-    judge_contacts(c, tables, body, y, ks[0], held, drive, work, h)
+    n, n_states = len(c), len(y[0])
+    first, _ = topology
+    judge_contacts(c, tables, topology, body, y, ks[0], held, drive, work, h)
     for i in range(n):
         work[_BEFORE][i] = y[i][Y_VELOCITY]
-        for k in range(N_STATES):
+        for k in range(n_states):
             ys[i][k] = y[i][k]
     for stage in range(4):
         if stage > 0:
             part = h if stage == 3 else 0.5 * h
             for i in range(n):
-                for k in range(N_STATES):
+                for k in range(n_states):
                     ys[i][k] = y[i][k] + part * ks[stage - 1][i][k]
-        robot_rates(c, tables, body, ys, ks[stage], held, drive, work, h)
+        robot_rates(c, tables, topology, body, ys, ks[stage], held, drive, work, h)
     for i in range(n):
-        for k in range(N_STATES):
+        for k in range(n_states):
             middle = 2.0 * (ks[1][i][k] + ks[2][i][k])
             y[i][k] += h / 6.0 * (ks[0][i][k] + middle + ks[3][i][k])
-        for o in (Y_AGONIST, Y_AGONIST + N_MUSCLE_STATES):
+        for muscle in range(first[i + 1] - first[i]):
+            o = Y_MUSCLES + muscle * N_MUSCLE_STATES
             y[i][o + S_PRESSURE] = max(y[i][o + S_PRESSURE], LOWEST_PRESSURE)
     settle_robot(c, body, y, work, h)
 
@@ -245,6 +280,7 @@ def advance_robot(
 def run_robot(
     c: Any,
     tables: Any,
+    topology: Any,
     body: Any,
     commands: Any,
     first: int,
@@ -264,12 +300,14 @@ def run_robot(
     ----------
     c : (n, n_constants) array
         Of each joint; the reservoir is the sum of the joints' shares.
-    tables : (2 n, rows, columns) array
-        Force tables of both muscles of each joint.
+    tables : (m, rows, columns) array
+        Force tables of all muscles, in the order of their joints.
+    topology : tuple of arrays
+        Number of the first muscle of each joint, and m, (n + 1,); all crossings, (n_crossings, 4).
     body : tuple of arrays
         Links, gravity, each joint's own inertia, and scratch memory for the tree, its mass matrix
         and the factor of this.
-    commands : (n_samples, 2 n) array
+    commands : (n_samples, m) array
         Per muscle; row k holds from k sample times to k + 1.
     first : int
         Row with which the simulation begins; the ones before it serve valves with a delay.
@@ -278,25 +316,28 @@ def run_robot(
     y : (n, n_states) array
         The state, before and after.
     ks, ys, held, drive, work : arrays
-        Scratch memory: (4, n, n_states), (n, n_states), (2 n,), (3,) zeros, (N_ROWS, n).
+        Scratch memory: (4, n, n_states), (n, n_states), (m,), zeros for each muscle of a joint
+        and one, (N_ROWS, n).
     outputs : (n_samples, n, n_outputs) array
-        In the order of layout.OUTPUT_NAMES.
+        In the order of layout.output_names.
     """
     n = len(c)
+    muscles, crossings = topology
     fastest = 0.0
     for i in range(n):
         fastest = max(fastest, c[i][C_RATE])
     steps = step_count(fastest, sample_time, step)
     h = sample_time / steps
     for k in range(len(outputs)):
+        route_crossings(c, crossings, y, work[_STATE])
         for i in range(n):
-            record(c[i], (tables[2 * i], tables[2 * i + 1]), y[i], outputs[k][i])
+            record(c[i], tables[muscles[i] : muscles[i + 1]], y[i], outputs[k][i])
         for j in range(steps):
             now = (first + k) * sample_time + j * h
             for i in range(n):
-                for side in range(2):
-                    delay = c[i][(AGONIST if side == 0 else ANTAGONIST) + M_DELAY]
-                    held[2 * i + side] = held_command(
-                        commands, 2 * i + side, now, h, sample_time, delay
-                    )
-            advance_robot(c, tables, body, y, ks, ys, held, drive, work, h)
+                for at in range(muscles[i], muscles[i + 1]):
+                    m = C_MUSCLES + (at - muscles[i]) * N_MUSCLE_CONSTANTS
+                    delay = c[i][m + M_DELAY]
+                    held[at] = held_command(commands, at, now, h, sample_time, delay)
+            advance_robot(c, tables, topology, body, y, ks, ys, held, drive, work, h)
+    route_crossings(c, crossings, y, work[_STATE])

@@ -7,12 +7,14 @@ dP_s/dt = k R T (mdot_in - sum of mdot_drawn)/V_s
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from pam_model.body.hinge_tree import N_LINK_NUMBERS, N_LINK_SCRATCH
 from pam_model.body.link import STANDARD_GRAVITY, Link, link_numbers, smallest_inertia
+from pam_model.bounds import within
 from pam_model.errors import PamError
 from pam_model.plant import layout as lay
 from pam_model.plant.command_history import CommandHistory
@@ -24,7 +26,29 @@ from pam_model.plant.robot_kernel import N_ROWS, run_robot
 from pam_model.plant.simulate import Plant, initial_state
 
 Array = npt.NDArray[np.float64]
-Reading = tuple[float, float, float]
+Reading = tuple[float, ...]
+
+
+class Crossing(NamedTuple):
+    """A muscle of one joint that crosses another joint as well.
+
+    Attributes
+    ----------
+    joint : int
+        The joint to whose muscles it belongs.
+    muscle : int
+        Which of them it is.
+    other : int
+        The joint that it crosses.
+    arm : float
+        Its constant lever arm there [m]; above 0 if its pull turns the joint in the positive
+        direction.
+    """
+
+    joint: int
+    muscle: int
+    other: int
+    arm: float
 
 
 class RobotPlant:
@@ -43,6 +67,8 @@ class RobotPlant:
         The link that each joint turns; without them, the joints do not move each other.
     gravity : (3,) array, optional
         Acceleration of free fall in the frame of the base [m/s^2].
+    crossings : sequence of Crossing, optional
+        The muscles that cross more than their own joint.
 
     Attributes
     ----------
@@ -52,7 +78,8 @@ class RobotPlant:
     Raises
     ------
     PamError
-        If there is not one link for each joint, or a link is none that a body can be.
+        If there is not one link for each joint, or a link is none that a body can be, or a muscle
+        crosses a joint that does not exist.
     """
 
     def __init__(
@@ -63,6 +90,7 @@ class RobotPlant:
         *,
         links: Sequence[Link] = (),
         gravity: Sequence[float] = STANDARD_GRAVITY,
+        crossings: Sequence[Crossing] = (),
     ) -> None:
         n = len(parameters)
         if links and len(links) != n:
@@ -72,7 +100,9 @@ class RobotPlant:
             initial_state(one) if start is None else start
             for one, start in zip(parameters, states or [None] * n, strict=True)
         ]
-        own = np.array([derive_constants(one.values)[lay.C_INERTIA] for one in parameters])
+        own = np.array(
+            [derive_constants(one.values, muscles=one.muscles)[lay.C_INERTIA] for one in parameters]
+        )
         numbers = link_numbers(links) if links else np.zeros((0, N_LINK_NUMBERS))
         if links:
             lower, upper = (
@@ -90,16 +120,27 @@ class RobotPlant:
         )
         self._step = step
         self._is_alone = n == 1 and not links
+        counts = [len(one.muscles) for one in parameters]
+        most = max(counts, default=0)
+        rows = _checked_crossings(crossings, counts)
         self._history = CommandHistory(
             max((plant.longest_delay for plant in self.joints), default=0.0)
         )
         self._constants = for_kernel(
-            np.array([derive_constants(one.values, share) for one in parameters])
+            _rows(
+                [derive_constants(one.values, share, one.muscles) for one in parameters],
+                lay.constants_of(most),
+            )
         )
-        self._y = for_kernel(np.reshape(np.array(starts, dtype=float), (n, lay.N_STATES)))
-        self._outputs = for_kernel(np.zeros((1, n, lay.N_OUTPUTS)))
+        self._y = for_kernel(_rows(starts, lay.states_of(most)))
+        shape = (n, lay.outputs_of(most))
+        self._outputs = for_kernel(np.zeros((1, *shape)))
         for i, plant in enumerate(self.joints):
             plant.share_memory(self._constants[i], self._y[i], self._outputs[0][i : i + 1])
+        self._topology = (
+            for_kernel(np.concatenate([[0], np.cumsum(counts, dtype=np.int64)])),
+            for_kernel(rows),
+        )
         self._tables = for_kernel(_stacked([t for one in parameters for t in one.tables]))
         self._body = tuple(
             for_kernel(array)
@@ -113,9 +154,19 @@ class RobotPlant:
             )
         )
         self._scratch = tuple(
-            for_kernel(np.zeros(shape))
-            for shape in ((4, n, lay.N_STATES), (n, lay.N_STATES), 2 * n, 3, (N_ROWS, n))
+            for_kernel(np.zeros(size))
+            for size in (
+                (4, n, lay.states_of(most)),
+                (n, lay.states_of(most)),
+                sum(counts),
+                1 + most,
+                (N_ROWS, n),
+            )
         )
+        if crossings:  # the first outputs, of muscles whose path the other joints change
+            self._run(np.zeros((1, sum(counts))), 0, 0.0, for_kernel(np.zeros((0, *shape))))
+            for plant in self.joints:
+                plant.record_outputs()
 
     @property
     def reservoir_pressure(self) -> float:
@@ -127,26 +178,48 @@ class RobotPlant:
 
         Parameters
         ----------
-        commands : sequence of pair of float
+        commands : sequence of sequence of float
             By joint, as for `Plant.step`.
         duration : float
             [s].
 
         Returns
         -------
-        list of (position, pressure, pressure)
+        list of (position, pressure of each muscle)
             By joint, as from `Plant.step`.
         """
         if self._is_alone:
             return [self.joints[0].step(commands[0], duration)]
-        flat = [command for pair in commands for command in pair]
+        flat = [command for own in commands for command in own]
         rows, at = self._history.with_next(flat, duration)
+        self._run(np.array(rows), at, duration, self._outputs)
+        return [plant.observe(duration) for plant in self.joints]
+
+    def _run(self, commands: Array, first: int, duration: float, outputs: Any) -> None:
         ks, ys, held, drive, work = self._scratch
         run_robot(
-            self._constants, self._tables, self._body, for_kernel(np.array(rows)), at, duration,
-            self._step, self._y, ks, ys, held, drive, work, self._outputs,
+            self._constants, self._tables, self._topology, self._body, for_kernel(commands), first,
+            duration, self._step, self._y, ks, ys, held, drive, work, outputs,
         )  # fmt: skip
-        return [plant.observe(duration) for plant in self.joints]
+
+
+def _rows(parts: Sequence[Array], length: int) -> Array:
+    """Arrays as rows of one, filled up with zeros."""
+    rows = np.zeros((len(parts), length))
+    for part, row in zip(parts, rows, strict=True):
+        row[: len(part)] = part
+    return rows
+
+
+def _checked_crossings(crossings: Sequence[Crossing], counts: Sequence[int]) -> Array:
+    """Crossings as rows, if these joints with so many muscles can have them."""
+    joints = range(len(counts))
+    for one in crossings:
+        exists = one.joint in joints and one.other in joints and one.joint != one.other
+        if not (exists and one.muscle in range(counts[one.joint])):
+            raise PamError(f"{one}: expected a muscle of one joint, and another joint")
+        within("lever arm of a crossing", one.arm, unit="m")
+    return np.array(crossings, dtype=float).reshape(len(crossings), 4)
 
 
 def _stacked(tables: Sequence[Array]) -> Array:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,36 +18,41 @@ import numpy.typing as npt
 
 from pam_model.physics.pressure_sensor import pressure_reading
 from pam_model.plant.constants import adjusted_numbers
-from pam_model.plant.layout import MUSCLES
+from pam_model.plant.joint_muscles import PAIR, JointMuscles, names_of
 
 Array = npt.NDArray[np.float64]
 
 
-# Constants of the sensors: three of each muscle's pressure sensor, then two of the encoder.
-K_GAIN, K_BIAS, K_LAG = range(3)
+# Constants of the sensors: two of the encoder, then three of the pressure sensor of muscle i, each
+# at its place + i * N_MUSCLE_SENSORS.
+K_OFFSET, K_DELAY, K_GAIN, K_BIAS, K_LAG = range(5)
 N_MUSCLE_SENSORS = 3
-K_OFFSET = len(MUSCLES) * N_MUSCLE_SENSORS
-K_DELAY = K_OFFSET + 1
-N_SENSORS = K_DELAY + 1
 
 
-def sensor_constants(values: Array) -> Array:
+def sensors_of(muscles: int) -> int:
+    """Number of the constants of the sensors of a joint with so many muscles."""
+    return K_GAIN + muscles * N_MUSCLE_SENSORS
+
+
+def sensor_constants(values: Array, muscles: JointMuscles = PAIR) -> Array:
     """The constants of the sensors, indexed by the K_* above.
 
     Parameters
     ----------
     values : (n_parameters,) array
         Plant parameters.
+    muscles : tuple of JointMuscle, optional
+        Those of the joint.
 
     Returns
     -------
-    (N_SENSORS,) array
-        Gain [-], bias [Pa] and lag [s] of both pressure sensors; offset [rad] and delay [s] of the
-        position sensor.
+    (n_sensors,) array
+        Offset [rad] and delay [s] of the position sensor; gain [-], bias [Pa] and lag [s] of each
+        pressure sensor.
     """
-    number = adjusted_numbers(values)
-    sensors = np.empty(N_SENSORS)
-    for i, muscle in enumerate(MUSCLES):
+    number = adjusted_numbers(values, muscles)
+    sensors = np.empty(sensors_of(len(muscles)))
+    for i, muscle in enumerate(names_of(muscles)):
         k = i * N_MUSCLE_SENSORS
         sensors[k + K_GAIN] = number[f"{muscle}.pressure_sensor.gain"]
         sensors[k + K_BIAS] = number[f"{muscle}.pressure_sensor.bias"]
@@ -64,7 +70,7 @@ class Measured:
     ----------
     position : (..., n) array
         [rad].
-    pressures : (..., n, 2) array
+    pressures : (..., n, n_muscles) array
         Gauge [Pa].
     """
 
@@ -82,7 +88,9 @@ def lag_weights(time_constant: float, duration: float) -> tuple[float, float, fl
     return keep, mean - keep, 1.0 - mean
 
 
-def measure(values: Array, time: Array, position: Array, pressures: Array) -> Measured:
+def measure(
+    values: Array, time: Array, position: Array, pressures: Array, muscles: JointMuscles = PAIR
+) -> Measured:
     """Pass true signals through the sensors.
 
     Parameters
@@ -93,17 +101,21 @@ def measure(values: Array, time: Array, position: Array, pressures: Array) -> Me
         Equally spaced [s].
     position : (..., n) array
         [rad].
-    pressures : (..., n, 2) array
+    pressures : (..., n, n_muscles) array
         Gauge pressure at the sensors [Pa].
+    muscles : tuple of JointMuscle, optional
+        Those of the joint.
     """
     if values.ndim == 2:
-        lanes = [measure(one, time, position[i], pressures[i]) for i, one in enumerate(values)]
+        lanes = [
+            measure(one, time, position[i], pressures[i], muscles) for i, one in enumerate(values)
+        ]
         return Measured(
             np.stack([lane.position for lane in lanes]),
             np.stack([lane.pressures for lane in lanes]),
         )
     sample_time = float(time[1] - time[0]) if len(time) > 1 else 1.0
-    sensors = sensor_constants(values)
+    sensors = sensor_constants(values, muscles)
     seen = position + sensors[K_OFFSET]
     delay = float(sensors[K_DELAY])
     if delay > 0.0:
@@ -111,7 +123,7 @@ def measure(values: Array, time: Array, position: Array, pressures: Array) -> Me
     shown = np.empty_like(pressures)
     from scipy.signal import lfilter  # noqa: PLC0415  (costs every node a second)
 
-    for i in range(len(MUSCLES)):
+    for i in range(len(muscles)):
         k = i * N_MUSCLE_SENSORS
         lag = float(sensors[k + K_LAG])
         signal = pressure_reading(pressures[:, i], sensors[k + K_GAIN], sensors[k + K_BIAS])
@@ -131,27 +143,27 @@ class SensorFilter:
     ----------
     values : (n_parameters,) array
         Plant parameters.
+    muscles : tuple of JointMuscle, optional
+        Those of the joint.
     """
 
-    def __init__(self, values: Array) -> None:
-        sensors: list[float] = sensor_constants(values).tolist()
-        of_muscles = range(0, K_OFFSET, N_MUSCLE_SENSORS)
+    def __init__(self, values: Array, muscles: JointMuscles = PAIR) -> None:
+        sensors: list[float] = sensor_constants(values, muscles).tolist()
+        of_muscles = range(0, len(muscles) * N_MUSCLE_SENSORS, N_MUSCLE_SENSORS)
         self._offset, self._delay = sensors[K_OFFSET], sensors[K_DELAY]
         self._gain = [sensors[k + K_GAIN] for k in of_muscles]
         self._bias = [sensors[k + K_BIAS] for k in of_muscles]
         self._lag = [sensors[k + K_LAG] for k in of_muscles]
         self._last_time: float | None = None
-        self._last_input = [0.0, 0.0]
-        self._last_output = [0.0, 0.0]
+        self._last_input = [0.0] * len(muscles)
+        self._last_output = [0.0] * len(muscles)
         self._times: deque[float] = deque()
         self._positions: deque[float] = deque()
 
-    def update(
-        self, time: float, position: float, first: float, second: float
-    ) -> tuple[float, float, float]:
-        """Readings of position [rad] and both gauge pressures [Pa] at `time` [s]."""
+    def update(self, time: float, position: float, pressures: Sequence[float]) -> tuple[float, ...]:
+        """Readings of position [rad] and all gauge pressures [Pa] at `time` [s]."""
         shown = []
-        for i, pressure in enumerate((first, second)):
+        for i, pressure in enumerate(pressures):
             signal = pressure_reading(pressure, self._gain[i], self._bias[i])
             output = signal
             if self._lag[i] > 0.0 and self._last_time is not None:
@@ -160,7 +172,7 @@ class SensorFilter:
             self._last_input[i], self._last_output[i] = signal, output
             shown.append(output)
         self._last_time = time
-        return self._late(time, position + self._offset), shown[0], shown[1]
+        return self._late(time, position + self._offset), *shown
 
     def _late(self, time: float, position: float) -> float:
         if self._delay <= 0.0:
@@ -190,23 +202,25 @@ class SensorBank:
         Plant parameters of each joint.
     period : float
         Between two samples [s].
+    muscles : tuple of JointMuscle, optional
+        Those of each joint.
     """
 
-    def __init__(self, values: Array, period: float) -> None:
+    def __init__(self, values: Array, period: float, muscles: JointMuscles = PAIR) -> None:
         n = len(values)
-        self._period = period
-        self._k = np.array([sensor_constants(one) for one in values])
-        self._weights = np.zeros((n, len(MUSCLES), 3))
+        self._period, self._muscles = period, muscles
+        self._k = np.array([sensor_constants(one, muscles) for one in values])
+        self._weights = np.zeros((n, len(muscles), 3))
         self._fresh = np.full(n, True)
-        self._last_input = np.zeros((n, len(MUSCLES)))
-        self._last_output = np.zeros((n, len(MUSCLES)))
+        self._last_input = np.zeros((n, len(muscles)))
+        self._last_output = np.zeros((n, len(muscles)))
         self._positions = np.zeros((n, 1))
         self._prepare()
 
     def _prepare(self) -> None:
-        lags = self._k[:, K_LAG:K_OFFSET:N_MUSCLE_SENSORS]
-        self._gain = self._k[:, K_GAIN:K_OFFSET:N_MUSCLE_SENSORS]
-        self._bias = self._k[:, K_BIAS:K_OFFSET:N_MUSCLE_SENSORS]
+        lags = self._k[:, K_LAG::N_MUSCLE_SENSORS]
+        self._gain = self._k[:, K_GAIN::N_MUSCLE_SENSORS]
+        self._bias = self._k[:, K_BIAS::N_MUSCLE_SENSORS]
         self._weights = np.array([[lag_weights(lag, self._period) for lag in row] for row in lags])
         self._is_prompt = not (lags.any() or self._k[:, K_DELAY].any())
         late = self._k[:, K_DELAY] / self._period
@@ -221,7 +235,7 @@ class SensorBank:
 
     def restart(self, chosen: npt.NDArray[np.bool_], values: Array) -> None:
         """Sensors of other joints, `chosen` (n,) among all; parameters as for the constructor."""
-        self._k[chosen] = np.array([sensor_constants(one) for one in values])
+        self._k[chosen] = np.array([sensor_constants(one, self._muscles) for one in values])
         self._fresh[chosen] = True
         self._prepare()
 
@@ -232,13 +246,13 @@ class SensorBank:
         ----------
         chosen : (n,) array of bool
             The joints whose sample it is.
-        position, pressures : (n,), (n, 2) array
+        position, pressures : (n,), (n, n_muscles) array
             True position [rad] and gauge pressures [Pa] of all joints.
 
         Returns
         -------
-        (n, 3) array
-            Position [rad] and both gauge pressures [Pa]; only those of the chosen joints count.
+        (n, 1 + n_muscles) array
+            Position [rad] and all gauge pressures [Pa]; only those of the chosen joints count.
         """
         signal = pressure_reading(pressures, self._gain, self._bias)
         seen = position + self._k[:, K_OFFSET]

@@ -28,11 +28,12 @@ from pam_model.plant.compile_beside import CompileBeside
 from pam_model.plant.compiled import HAVE_NUMBA, for_kernel
 from pam_model.plant.constants import derive_constants
 from pam_model.plant.default_step import DEFAULT_STEP
-from pam_model.plant.kernel import record, run
+from pam_model.plant.joint_muscles import JointMuscles, names_of
+from pam_model.plant.kernel import WORK_ROWS, record, run
 from pam_model.plant.lane_blocks import Lanes, blocks_of_lanes
 from pam_model.plant.lane_choice import FEW_WITH_CABLE, VECTOR, LaneKernel
 from pam_model.plant.lane_twins import SINGLE
-from pam_model.plant.parameters import NAMES, PlantParameters
+from pam_model.plant.parameters import PlantParameters
 from pam_model.plant.sensors import (
     K_BIAS,
     K_DELAY,
@@ -56,11 +57,11 @@ def initial_state(
     *,
     position: float = 0.0,
     velocity: float = 0.0,
-    pressures: Sequence[float] = (0.0, 0.0),
-    commands: Sequence[float] = (0.0, 0.0),
+    pressures: Sequence[float] | None = None,
+    commands: Sequence[float] | None = None,
     creep_settled: bool = True,
 ) -> Array:
-    """An initial state, in the order of layout.STATE_NAMES.
+    """An initial state, in the order of layout.state_names.
 
     Parameters
     ----------
@@ -68,10 +69,10 @@ def initial_state(
         Of the joint.
     position, velocity : float
         [rad], [rad/s].
-    pressures : pair of float
-        Gauge pressure in the muscles [Pa].
-    commands : pair of float
-        Commands to which the valves have settled.
+    pressures : sequence of float, optional
+        Gauge pressure in each muscle [Pa]; 0 by default.
+    commands : sequence of float, optional
+        Commands to which the valves have settled; 0 by default.
     creep_settled : bool
         True if the bladders have been at this position for long, False if they were just moved
         there from their rest length.
@@ -82,29 +83,31 @@ def initial_state(
         For a number that is not finite, or a pressure below a vacuum.
     """
     p = parameters
-    ambient = p["gas.ambient_pressure"]
+    ambient, names = p["gas.ambient_pressure"], names_of(p.muscles)
+    pressures = [0.0] * len(names) if pressures is None else pressures
+    commands = [0.0] * len(names) if commands is None else commands
     within("position", position, unit="rad")
     within("velocity", velocity, unit="rad/s")
-    if len(pressures) != 2 or len(commands) != 2:
+    if len(pressures) != len(names) or len(commands) != len(names):
         raise PamError(
-            f"{len(pressures)} pressures and {len(commands)} commands: expected two of each, of "
-            "agonist and antagonist"
+            f"{len(pressures)} pressures and {len(commands)} commands: expected {len(names)} of "
+            f"each, of {', '.join(names)}"
         )
     for pressure, command in zip(pressures, commands, strict=True):
         within("pressure", pressure, -ambient, unit="Pa gauge")
         within("command", command)
-    y = np.zeros(lay.N_STATES)
+    y = np.zeros(lay.states_of(len(names)))
     y[lay.Y_POSITION], y[lay.Y_VELOCITY] = position, velocity
     y[lay.Y_RESERVOIR] = p["supply_pressure"]
     for i, (pressure, command) in enumerate(zip(pressures, commands, strict=True)):
-        o = lay.Y_AGONIST + i * lay.N_MUSCLE_STATES
+        o = lay.states_of(i)
         y[o + lay.S_SPOOL] = command
         y[o + lay.S_PRESSURE] = y[o + lay.S_VALVE_PRESSURE] = pressure + ambient
         y[o + lay.S_TEMPERATURE] = p["gas.temperature"]
     if not creep_settled:
-        lengths = simulate(p, np.zeros((1, 2)), 1e-6, y).lengths[0]
-        for i, muscle in enumerate(lay.MUSCLES):
-            o = lay.Y_AGONIST + i * lay.N_MUSCLE_STATES
+        lengths = simulate(p, np.zeros((1, len(names))), 1e-6, y).lengths[0]
+        for i, muscle in enumerate(names):
+            o = lay.states_of(i)
             for _, slot in filled(PullState):
                 place = o + lay.PULL_STATES[slot.name]
                 y[place] = slot.unsettled(float(lengths[i]), p[f"{muscle}.rest_length"])
@@ -117,7 +120,7 @@ def vented_state(parameters: PlantParameters) -> Array:
         max(parameters["joint.gravity_angle"], parameters["joint.lower_limit"]),
         parameters["joint.upper_limit"],
     )
-    kinds = [parameters[f"{side}.valve.kind"] for side in lay.MUSCLES]
+    kinds = [parameters[f"{side}.valve.kind"] for side in names_of(parameters.muscles)]
     commands = [0.0 if kind > 0.0 else -1.0 for kind in kinds]
     return initial_state(parameters, position=position, commands=commands)
 
@@ -142,7 +145,7 @@ def simulate(
     ----------
     parameters : PlantParameters
         The joint.
-    commands : (n, 2) array
+    commands : (n, n_muscles) array
         Per muscle: spool -1..1 of a flow valve, gauge pressure [Pa] of a regulator; row k holds
         from k sample times to k + 1.
     sample_time : float
@@ -157,7 +160,7 @@ def simulate(
     positions : (n,) array, optional
         Measured position [rad] that prescribes the motion, with linear interpolation. Offset and
         delay of the encoder are removed first.
-    pressures : (n, 2) array, optional
+    pressures : (n, n_muscles) array, optional
         Measured gauge pressures [Pa] that prescribe the gas at the sensors. Gain and bias of the
         sensors are removed first.
     shut : bool
@@ -176,24 +179,30 @@ def simulate(
     PamError
         For arrays of a wrong shape, values that are not finite, or times not above zero.
     """
-    commands = _checked("commands", commands, (None, 2))
+    muscles = parameters.muscles
+    commands = _checked("commands", commands, (None, len(muscles)))
     within("sample_time", sample_time, unit="s", above=0.0)
     within("step", step, unit="s", above=0.0)
     count = len(commands)
     lanes = parameters.values[None] if values is None else values
-    lanes = _checked("values", lanes, (None, len(NAMES)))
+    lanes = _checked("values", lanes, (None, len(parameters.values)))
     positions = None if positions is None else _checked("positions", positions, (count,))
-    pressures = None if pressures is None else _checked("pressures", pressures, (count, 2))
+    pressures = (
+        None if pressures is None else _checked("pressures", pressures, (count, len(muscles)))
+    )
     if state is None:
         state = initial_state(parameters)
-    states: Array = np.array(np.broadcast_to(state, (len(lanes), lay.N_STATES)), dtype=float)
-    outputs: Array = np.empty((len(lanes), count, lay.N_OUTPUTS))
+    n_states, n_outputs = lay.states_of(len(muscles)), lay.outputs_of(len(muscles))
+    states: Array = np.array(np.broadcast_to(state, (len(lanes), n_states)), dtype=float)
+    outputs: Array = np.empty((len(lanes), count, n_outputs))
     tables = tuple(for_kernel(table) for table in parameters.tables)
     kernel_commands = for_kernel(commands)
-    constants = np.array([derive_constants(vector) for vector in lanes])
+    constants = np.array([derive_constants(vector, muscles=muscles) for vector in lanes])
 
     def run_lane(i: int) -> None:
-        given_positions, given_pressures = _true_drive(lanes[i], positions, pressures, sample_time)
+        given_positions, given_pressures = _true_drive(
+            lanes[i], muscles, positions, pressures, sample_time
+        )
         y = for_kernel(states[i])
         rows = outputs[i] if HAVE_NUMBA else np.empty_like(outputs[i]).tolist()
         run(
@@ -207,7 +216,7 @@ def simulate(
             sample_time,
             step,
             y,
-            for_kernel(np.zeros((6, lay.N_STATES))),
+            for_kernel(np.zeros((WORK_ROWS, n_states))),
             rows,
         )
         states[i] = y
@@ -215,7 +224,7 @@ def simulate(
             outputs[i] = rows
 
     def run_group(group: Lanes) -> None:
-        if group.off is SINGLE:
+        if group.variant is SINGLE:
             run_lane(int(group.members[0]))
             return
         simulate_block(
@@ -251,8 +260,8 @@ def simulate(
             run_group(group)
     time: Array = np.arange(count, dtype=np.float64) * sample_time
     if values is None:
-        return Trajectory(time, outputs[0], states[0])
-    return Trajectory(time, outputs, states)
+        return Trajectory(time, outputs[0], states[0], muscles)
+    return Trajectory(time, outputs, states, muscles)
 
 
 def simulate_measured(
@@ -274,6 +283,7 @@ def simulate_measured(
         trajectory.time,
         trajectory.position,
         trajectory.valve_pressures,
+        parameters.muscles,
     )
 
 
@@ -310,33 +320,35 @@ class Plant:
         self._reservoir_share = reservoir_share
         self.step_length = step
         start = initial_state(parameters) if state is None else state
-        self._constants = for_kernel(derive_constants(parameters.values, reservoir_share))
+        muscles = len(parameters.muscles)
+        self._constants = for_kernel(self._derived())
         self._tables = tuple(for_kernel(table) for table in parameters.tables)
         self._none = for_kernel(np.zeros(0))
-        self._none_pairs = for_kernel(np.zeros((0, 2)))
-        self._work = for_kernel(np.zeros((6, lay.N_STATES)))
+        self._no_pressures = for_kernel(np.zeros((0, muscles)))
+        self._work = for_kernel(np.zeros((WORK_ROWS, lay.states_of(muscles))))
         self._y = for_kernel(np.array(start, dtype=float))
-        self._row = for_kernel(np.zeros((1, lay.N_OUTPUTS)))
-        self._sensors = SensorFilter(parameters.values)
+        self._row = for_kernel(np.zeros((1, lay.outputs_of(muscles))))
+        self._sensors = SensorFilter(parameters.values, parameters.muscles)
         self._history = CommandHistory(self.longest_delay)
         self.time = 0.0
-        self._observe()
+        self.record_outputs()
 
     @property
     def state(self) -> Array:
-        """A copy of the state, in the order of layout.STATE_NAMES."""
-        return np.array(self._y, dtype=float)
+        """A copy of the state, in the order of layout.state_names."""
+        return np.array(self._y[: lay.states_of(len(self.parameters.muscles))], dtype=float)
 
     @property
     def output(self) -> dict[str, float]:
-        """The present true quantities, by the names in layout.OUTPUT_NAMES."""
-        return dict(zip(lay.OUTPUT_NAMES, (float(x) for x in self._row[0]), strict=True))
+        """The present true quantities, by the names of layout.output_names."""
+        names = lay.output_names(names_of(self.parameters.muscles))
+        return {name: float(x) for name, x in zip(names, self._row[0], strict=False)}
 
     @property
-    def path_speeds(self) -> tuple[float, float]:
-        """Rates of the lengths of both muscles' paths [m/s]."""
+    def path_speeds(self) -> tuple[float, ...]:
+        """Rates of the lengths of all muscles' paths [m/s]."""
         speed = float(self._constants[lay.C_RADIUS] * self._row[0][lay.O_VELOCITY])
-        return -speed, speed
+        return tuple(-muscle.arm * speed for muscle in self.parameters.muscles)
 
     @property
     def reservoir_pressure(self) -> float:
@@ -346,11 +358,18 @@ class Plant:
     @property
     def longest_delay(self) -> float:
         """The longest delay of a valve's command [s]."""
-        sides = (lay.AGONIST, lay.ANTAGONIST)
-        return max(float(self._constants[m + lay.M_DELAY]) for m in sides)
+        first = range(len(self.parameters.muscles))
+        return max(float(self._constants[lay.constants_of(i) + lay.M_DELAY]) for i in first)
+
+    def _derived(self) -> Array:
+        own = self.parameters
+        return derive_constants(own.values, self._reservoir_share, own.muscles)
 
     def share_memory(self, constants: Any, state: Any, output: Any) -> None:
-        """Use these arrays of the same content from now on, as a joint of a `RobotPlant`."""
+        """Use these arrays from now on, as a joint of a `RobotPlant`.
+
+        Their beginnings have the same content; what follows belongs to joints with more muscles.
+        """
         self._constants, self._y, self._row = constants, state, output
 
     def change(self, changes: Mapping[str, float]) -> None:
@@ -362,18 +381,18 @@ class Plant:
             As `PlantParameters.forced` takes them.
         """
         self.parameters = self.parameters.forced(changes)
-        derived = derive_constants(self.parameters.values, self._reservoir_share)
-        self._constants[:] = for_kernel(derived)
+        derived = self._derived()
+        self._constants[: len(derived)] = for_kernel(derived)
         if not self._constants[lay.C_DROOP] > 0.0:
             self._y[lay.Y_RESERVOIR] = self.parameters["supply_pressure"]
 
-    def step(self, commands: Sequence[float], duration: float) -> tuple[float, float, float]:
+    def step(self, commands: Sequence[float], duration: float) -> tuple[float, ...]:
         """Hold the commands for `duration` [s]; return the readings of the sensors at its end.
 
         Parameters
         ----------
-        commands : pair of float
-            Spool -1..1 of a flow valve, gauge pressure [Pa] of a regulator.
+        commands : sequence of float
+            Of each muscle: spool -1..1 of a flow valve, gauge pressure [Pa] of a regulator.
         duration : float
             [s].
 
@@ -381,17 +400,17 @@ class Plant:
         -------
         position : float
             [rad].
-        pressures : two floats
+        pressures : float, one for each muscle
             Gauge [Pa].
         """
-        rows, at = self._history.with_next(commands[:2], duration)
+        rows, at = self._history.with_next(commands[: len(self.parameters.muscles)], duration)
         run(
             self._constants,
             self._tables,
             for_kernel(np.array(rows)),
             at,
             self._none,
-            self._none_pairs,
+            self._no_pressures,
             False,
             duration,
             self.step_length,
@@ -401,19 +420,22 @@ class Plant:
         )
         return self.observe(duration)
 
-    def observe(self, duration: float) -> tuple[float, float, float]:
+    def observe(self, duration: float) -> tuple[float, ...]:
         """Write the outputs of a state that is `duration` [s] later; return the readings."""
         self.time += duration
-        self._observe()
+        self.record_outputs()
         row = self._row[0]
         return self._sensors.update(
             self.time,
             float(row[lay.O_POSITION]),
-            float(row[lay.O_AGONIST + lay.O_VALVE_PRESSURE]),
-            float(row[lay.O_ANTAGONIST + lay.O_VALVE_PRESSURE]),
+            [
+                float(row[lay.outputs_of(i) + lay.O_VALVE_PRESSURE])
+                for i in range(len(self.parameters.muscles))
+            ],
         )
 
-    def _observe(self) -> None:
+    def record_outputs(self) -> None:
+        """Compute the outputs of the present state."""
         record(self._constants, self._tables, self._y, self._row[0])
 
 
@@ -431,11 +453,15 @@ def _checked(name: str, array: Array, shape: tuple[int | None, ...]) -> Array:
 
 
 def _true_drive(
-    values: Array, positions: Array | None, pressures: Array | None, sample_time: float
+    values: Array,
+    muscles: JointMuscles,
+    positions: Array | None,
+    pressures: Array | None,
+    sample_time: float,
 ) -> tuple[Array, Array]:
     """True position and pressures: offset, delay, gain and bias of the sensors are removed."""
-    given_positions, given_pressures = np.zeros(0), np.zeros((0, 2))
-    sensors = sensor_constants(values)
+    given_positions, given_pressures = np.zeros(0), np.zeros((0, len(muscles)))
+    sensors = sensor_constants(values, muscles)
     if positions is not None:
         given_positions = positions - sensors[K_OFFSET]
         delay = sensors[K_DELAY]
@@ -443,9 +469,6 @@ def _true_drive(
             places = np.arange(len(positions)) + delay / sample_time
             given_positions = np.interp(places, np.arange(len(positions)), given_positions)
     if pressures is not None:
-        gain, bias = (
-            sensors[K_GAIN:K_OFFSET:N_MUSCLE_SENSORS],
-            sensors[K_BIAS:K_OFFSET:N_MUSCLE_SENSORS],
-        )
+        gain, bias = sensors[K_GAIN::N_MUSCLE_SENSORS], sensors[K_BIAS::N_MUSCLE_SENSORS]
         given_pressures = np.ascontiguousarray(true_pressure(pressures, gain, bias))
     return given_positions, given_pressures

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pam_model.plant import layout as lay
+from pam_model.plant.joint_muscles import PAIR, JointMuscles, names_of
 
 Array = npt.NDArray[np.float64]
 
@@ -23,21 +24,24 @@ class Trajectory:
     time : (n,) array
         [s].
     outputs : (..., n, n_outputs) array
-        In the order of layout.OUTPUT_NAMES; the properties below give single columns.
+        In the order of layout.output_names; the properties below give single columns.
     final_state : (..., n_states) array
         The state one sample after the last row, from which a next `simulate` can continue.
+    muscles : tuple of JointMuscle, optional
+        Those of the joint.
     """
 
     time: Array
     outputs: Array
     final_state: Array
+    muscles: JointMuscles = PAIR
 
     def __getitem__(self, name: str) -> Array:
-        """A column by its name in layout.OUTPUT_NAMES, such as `agonist.spool`."""
-        return self.outputs[..., lay.OUTPUT_NAMES.index(name)]
+        """A column by its name in layout.output_names, such as `agonist.spool`."""
+        return self.outputs[..., lay.output_names(names_of(self.muscles)).index(name)]
 
-    def _pair(self, column: int) -> Array:
-        return self.outputs[..., lay.O_AGONIST + column :: lay.N_MUSCLE_OUTPUTS]
+    def _of_muscles(self, column: int) -> Array:
+        return self.outputs[..., lay.O_MUSCLES + column :: lay.N_MUSCLE_OUTPUTS]
 
     @property
     def position(self) -> Array:
@@ -61,20 +65,20 @@ class Trajectory:
 
     @property
     def pressures(self) -> Array:
-        """Gauge pressure in the muscles (..., n, 2) [Pa]."""
-        return self._pair(lay.O_PRESSURE)
+        """Gauge pressure in the muscles (..., n, n_muscles) [Pa]."""
+        return self._of_muscles(lay.O_PRESSURE)
 
     @property
     def valve_pressures(self) -> Array:
-        """Gauge pressure at the sensors (..., n, 2) [Pa]."""
-        return self._pair(lay.O_VALVE_PRESSURE)
+        """Gauge pressure at the sensors (..., n, n_muscles) [Pa]."""
+        return self._of_muscles(lay.O_VALVE_PRESSURE)
 
     @property
     def forces(self) -> Array:
-        """Pull of the muscles (..., n, 2) [N]."""
-        return self._pair(lay.O_FORCE)
+        """Pull of the muscles (..., n, n_muscles) [N]."""
+        return self._of_muscles(lay.O_FORCE)
 
     @property
     def lengths(self) -> Array:
-        """Length of the muscles (..., n, 2) [m]."""
-        return self._pair(lay.O_LENGTH)
+        """Length of the muscles (..., n, n_muscles) [m]."""
+        return self._of_muscles(lay.O_LENGTH)

@@ -10,14 +10,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-from pam_model.physics.joint_geometry import AGONIST_SIGN, ANTAGONIST_SIGN, muscle_length
+from pam_model.physics.joint_geometry import muscle_length
 from pam_model.plant.layout import (
-    AGONIST,
-    ANTAGONIST,
     C_ARM_BEND,
     C_ARM_SLOPE,
+    C_MUSCLES,
     C_RADIUS,
+    M_ARM,
     M_NEUTRAL,
+    N_MUSCLE_CONSTANTS,
 )
 from pam_model.plant.parameters import Vector as Array
 
@@ -44,14 +45,16 @@ class UnevenPulley:
     zero: float = 0.0
 
     def apply(self, constants: Array) -> None:
-        """Change the constants of plants, shape (lanes, N_CONSTANTS), in place."""
+        """Change the constants of plants, shape (lanes, n_constants), in place."""
         constants[:, C_RADIUS] *= self.factor
         constants[:, C_ARM_SLOPE] = self.slope
         constants[:, C_ARM_BEND] = self.bend
-        for muscle, sign in ((AGONIST, AGONIST_SIGN), (ANTAGONIST, ANTAGONIST_SIGN)):
-            neutral = constants[:, muscle + M_NEUTRAL]
-            constants[:, muscle + M_NEUTRAL] = muscle_length(
-                neutral, sign, constants[:, C_RADIUS], self.zero
+        for m in range(C_MUSCLES, constants.shape[1], N_MUSCLE_CONSTANTS):
+            constants[:, m + M_NEUTRAL] = muscle_length(
+                constants[:, m + M_NEUTRAL],
+                constants[:, m + M_ARM],
+                constants[:, C_RADIUS],
+                self.zero,
             )
 
 

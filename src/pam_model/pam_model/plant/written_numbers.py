@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from pam_model.plant.layout import MUSCLES
+from pam_model.plant.joint_muscles import SIDES
 from pam_model.rig import Joint, Rig
 
 JOINT = ("inertia", "viscous_friction", "gravity_torque", "gravity_angle")
@@ -14,7 +14,7 @@ LENGTHS = ("thread_length", "turns", "neutral_length", "wall_thickness")
 
 
 def written_numbers(
-    rig: Rig, joint: Joint, sides: Sequence[str] = MUSCLES
+    rig: Rig, joint: Joint, sides: Sequence[str] = SIDES
 ) -> tuple[tuple[str, float], ...]:
     """The parameters of a joint with a tolerance: each name, and its tolerance over its value [-].
 

@@ -19,24 +19,12 @@ from pam_ros.program_name import PROGRAM
 
 @dataclass(frozen=True, slots=True)
 class BraidFromDatasheet:
-    """A braid as the rig file needs it.
+    """A braid as the rig file needs it."""
 
-    Attributes
-    ----------
-    thread_length : float
-        b [m].
-    turns : float
-        n [-].
-    rest_length : float
-        [m].
-    wall_thickness : float
-        [m].
-    """
-
-    thread_length: float
-    turns: float
-    rest_length: float
-    wall_thickness: float = 0.0
+    thread_length: float  # b [m]
+    turns: float  # n [-]
+    rest_length: float  # [m]
+    wall_thickness: float = 0.0  # [m]
 
     @classmethod
     def measured(
@@ -149,17 +137,7 @@ class BraidFromDatasheet:
     def section(
         self, name: str, model: str = "chou_hannaford", constants: Mapping[str, float] | None = None
     ) -> str:
-        """The keys of a muscle `name` as YAML, in the rig file's order.
-
-        Parameters
-        ----------
-        name : str
-            The muscle.
-        model : str
-            Its force model.
-        constants : mapping of str to float, optional
-            Constants of the model.
-        """
+        """The keys of a muscle `name` as YAML, in the rig file's order."""
         about = "ideal braid; " if model == "chou_hannaford" else ""
         written = [f"        {key}: {value:.8g}" for key, value in (constants or {}).items()]
         return "\n".join(

@@ -18,47 +18,24 @@ STROKE_SHARE = 0.9
 
 @dataclass(frozen=True, slots=True)
 class NewRig:
-    """The numbers of a new rig.
+    """The numbers of a new rig."""
 
-    Attributes
-    ----------
-    joints : tuple of str
-        Names of the joints.
-    buses : tuple of str
-        CAN interfaces; the boards are spread over them evenly. The only one of a robot is not
-        written: the parameters of the nodes name it.
-    braid : BraidFromDatasheet
-        Every muscle.
-    pulley_radius : float
-        [m].
-    largest_angle : float
-        The joints turn from minus this angle to this angle [rad].
-    inertia : float
-        [kg m^2].
-    gravity_torque : float
-        Torque of gravity with the joint at 90 degrees from hanging [N m].
-    viscous_friction : float
-        [N m s/rad].
-    max_pressure, supply_pressure : float
-        Largest pressure of the muscles, and that before the valves [Pa gauge].
-    valve : str
-        "flow" or "pressure_regulator".
-    sonic_conductance : float
-        ISO 6358 C of the valves [m^3/(s Pa)].
-    """
-
-    joints: tuple[str, ...]
+    joints: tuple[str, ...]  # names of the joints
+    # CAN interfaces; the boards are spread over them evenly. The only one of a robot is not
+    # written: the parameters of the nodes name it.
     buses: tuple[str, ...]
-    braid: BraidFromDatasheet
-    pulley_radius: float
-    largest_angle: float
-    inertia: float
-    gravity_torque: float
-    viscous_friction: float
+    braid: BraidFromDatasheet  # every muscle
+    pulley_radius: float  # [m]
+    largest_angle: float  # the joints turn from minus this angle to this angle [rad]
+    inertia: float  # [kg m^2]
+    gravity_torque: float  # torque of gravity with the joint at 90 degrees from hanging [N m]
+    viscous_friction: float  # [N m s/rad]
+    # max_pressure, supply_pressure: largest pressure of the muscles, and that before the valves [Pa
+    # gauge]
     max_pressure: float
     supply_pressure: float
-    valve: str
-    sonic_conductance: float
+    valve: str  # "flow" or "pressure_regulator"
+    sonic_conductance: float  # ISO 6358 C of the valves [m^3/(s Pa)]
 
     @property
     def neutral_length(self) -> float:

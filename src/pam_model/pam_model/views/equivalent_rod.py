@@ -19,23 +19,12 @@ _SLENDER = 0.05  # diameter over length of the drawn rod
 
 @dataclass(frozen=True, slots=True)
 class EquivalentRod:
-    """The uniform slender rod with a joint's inertia and gravity torque.
+    """The uniform slender rod with a joint's inertia and gravity torque."""
 
-    Attributes
-    ----------
-    mass : float
-        [kg].
-    length : float
-        [m].
-    centre : float
-        Distance of its centre from the joint's axis [m]; 0 or half of the length.
-    pitch : float
-        Rotation of the rod about the y axis [rad] at position 0; 0: it hangs straight down.
-    """
-
-    mass: float
-    length: float
-    centre: float
+    mass: float  # [kg]
+    length: float  # [m]
+    centre: float  # distance of its centre from the joint's axis [m]; 0 or half of the length
+    # rotation of the rod about the y axis [rad] at position 0; 0: it hangs straight down
     pitch: float
 
     @classmethod

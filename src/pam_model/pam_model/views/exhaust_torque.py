@@ -18,17 +18,6 @@ def exhaust_pressure_rate(
 ) -> float:
     """How fast the pressure falls with the exhaust fully open [Pa/s], at least 0.
 
-    Parameters
-    ----------
-    robot : Robot
-        Gives the gas.
-    muscle : RobotMuscle
-        One of its muscles.
-    pressure : float
-        [Pa gauge].
-    positions : sequence of float
-        By joint of the robot [rad].
-
     Raises
     ------
     PamError

@@ -25,27 +25,13 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class InverseDynamics:
-    """One joint's equation of motion.
+    """One joint's equation of motion."""
 
-    Attributes
-    ----------
-    inertia : float
-        [kg m^2].
-    viscous_friction : float
-        [N m s/rad].
-    gravity_torque : float
-        m g l [N m].
-    gravity_angle : float
-        Angle at which gravity acts along the limb and makes no torque [rad].
-    smooth_torques : tuple of callable
-        Other torques [N m] that act on the joint, as functions of position [rad] and velocity
-        [rad/s].
-    """
-
-    inertia: float
-    viscous_friction: float
-    gravity_torque: float
-    gravity_angle: float
+    inertia: float  # [kg m^2]
+    viscous_friction: float  # [N m s/rad]
+    gravity_torque: float  # m g l [N m]
+    gravity_angle: float  # angle at which gravity acts along the limb and makes no torque [rad]
+    # other torques [N m] that act on the joint, as functions of position [rad] and velocity [rad/s]
     smooth_torques: tuple[Callable[[float, float], float], ...] = ()
 
     @classmethod

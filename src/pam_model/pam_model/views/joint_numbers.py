@@ -14,18 +14,13 @@ import numpy as np
 import numpy.typing as npt
 
 from pam_model.plant.constants import derive_constants
-from pam_model.plant.layout import AGONIST, M_CABLE, M_TABLE, M_THREAD, N_MUSCLE_CONSTANTS
+from pam_model.plant.layout import C_MUSCLES, M_CABLE, M_TABLE, M_THREAD, N_MUSCLE_CONSTANTS
 from pam_model.plant.parameters import PlantParameters
 from pam_model.robot import Robot
 
 
-def constants_of(muscle: int) -> int:
-    """Where the constants of a muscle begin in those of its joint."""
-    return AGONIST + muscle * N_MUSCLE_CONSTANTS
-
-
 def joint_numbers(robot: Robot) -> npt.NDArray[np.float64]:
-    """The constants of every joint, shape (n_joints, N_CONSTANTS)."""
+    """The constants of every joint, shape (n_joints, n_constants)."""
     rig = robot.rig
     return np.array(
         [
@@ -37,5 +32,5 @@ def joint_numbers(robot: Robot) -> npt.NDArray[np.float64]:
 
 def is_closed_form(c: Any) -> bool:
     """Whether the braids of all muscles of a joint are in closed form."""
-    muscles = range(AGONIST, len(c), N_MUSCLE_CONSTANTS)
+    muscles = range(C_MUSCLES, len(c), N_MUSCLE_CONSTANTS)
     return all(c[m + place] == 0.0 for m in muscles for place in (M_TABLE, M_THREAD, M_CABLE))

@@ -20,9 +20,9 @@ from pam_model.plant.layout import (
     C_RADIUS,
     C_VISCOUS,
     M_NEUTRAL,
+    constants_of,
 )
 from pam_model.plant.muscle_stage import braid_force
-from pam_model.views.joint_numbers import constants_of
 
 
 def gravity(c: Any, position: float) -> float:

@@ -32,43 +32,22 @@ PerMuscle = tuple[float, ...]
 
 @dataclass(frozen=True, slots=True)
 class OperatingPoint:
-    """One joint at rest: the coefficients of its linear equations.
+    """One joint at rest: the coefficients of its linear equations."""
 
-    Attributes
-    ----------
-    position : float
-        [rad].
-    stiffness : float
-        Stiffness of the muscles at constant pressure [N m/rad].
-    pressures : tuple of float
-        Of the muscles, gauge [Pa].
-    inertia : float
-        J [kg m^2].
-    damping : float
-        B [N m s/rad].
-    spring : float
-        K: muscles at constant pressure, and gravity [N m/rad].
-    torque_slopes : tuple of float
-        na, nb, ... [N m/Pa].
-    motion_pressure : tuple of float
-        ca, cb, ... [Pa/rad].
-    per_torque : tuple of float
-        Pressure change per torque at constant stiffness and position [Pa/(N m)]; of more than two
-        muscles the least one, of one muscle that of its torque.
-    per_position : tuple of float
-        Pressure change per angle at constant torque and stiffness [Pa/rad].
-    """
-
-    position: float
-    stiffness: float
-    pressures: PerMuscle
-    inertia: float
-    damping: float
-    spring: float
+    position: float  # [rad]
+    stiffness: float  # stiffness of the muscles at constant pressure [N m/rad]
+    pressures: PerMuscle  # of the muscles, gauge [Pa]
+    inertia: float  # J [kg m^2]
+    damping: float  # B [N m s/rad]
+    spring: float  # K: muscles at constant pressure, and gravity [N m/rad]
+    # na, nb, ... [N m/Pa].
     torque_slopes: PerMuscle
+    # ca, cb, ... [Pa/rad].
     motion_pressure: PerMuscle
+    # pressure change per torque at constant stiffness and position [Pa/(N m)]; of more than two
+    # muscles the least one, of one muscle that of its torque
     per_torque: PerMuscle
-    per_position: PerMuscle
+    per_position: PerMuscle  # pressure change per angle at constant torque and stiffness [Pa/rad]
 
     def swinging_spring(self, frequency: float) -> float:
         """Spring [N m/rad] on which the joint would swing with a frequency [Hz]."""

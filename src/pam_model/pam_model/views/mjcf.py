@@ -36,20 +36,11 @@ class AffinePull:
     """The pull P (gain[0] + gain[1] l) + bias[0] + bias[1] l of a muscle.
 
     l is the path's length minus that at position 0 of all joints [m].
-
-    Attributes
-    ----------
-    gain : tuple of float
-        [N/Pa], [N/(Pa m)].
-    bias : tuple of float
-        [N], [N/m].
-    error : float
-        Largest difference from the force model, as a share of its largest pull [-].
     """
 
-    gain: tuple[float, float]
-    bias: tuple[float, float]
-    error: float
+    gain: tuple[float, float]  # [N/Pa], [N/(Pa m)]
+    bias: tuple[float, float]  # [N], [N/m]
+    error: float  # largest difference from the force model, as a share of its largest pull [-]
 
     @classmethod
     def of(cls, robot: Robot, muscle: RobotMuscle) -> AffinePull:

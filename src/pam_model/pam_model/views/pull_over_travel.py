@@ -38,11 +38,6 @@ def slack_muscles(robot: Robot) -> list[str]:
 def refuse_slack_muscles(robot: Robot) -> None:
     """Refuse a robot with muscles that cannot pull.
 
-    Parameters
-    ----------
-    robot : Robot
-        The robot.
-
     Raises
     ------
     RigError

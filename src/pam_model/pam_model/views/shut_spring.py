@@ -28,15 +28,6 @@ def shut_muscle_stiffness(
 ) -> float:
     """Change of the force with the length while its valve is shut [N/m].
 
-    Parameters
-    ----------
-    robot : Robot
-        Gives the gas.
-    muscle : RobotMuscle
-        One of its muscles.
-    pressure, length : float
-        [Pa gauge], [m].
-
     Raises
     ------
     PamError
@@ -56,17 +47,6 @@ def shut_joint_stiffness(
     robot: Robot, joint: RobotJoint, pressures: Sequence[float], positions: Sequence[float]
 ) -> float:
     """Stiffness of a joint with shut valves, with that of gravity [N m/rad].
-
-    Parameters
-    ----------
-    robot : Robot
-        The robot.
-    joint : RobotJoint
-        One of its joints.
-    pressures : sequence of float
-        By muscle of the robot [Pa gauge].
-    positions : sequence of float
-        By joint of the robot [rad].
 
     Raises
     ------

@@ -14,15 +14,6 @@ from pam_model.views.muscle_path import path_length
 def pull(muscle: RobotMuscle, pressure: float, positions: Sequence[float]) -> float:
     """Static pull of a muscle [N]; a pressure below ambient counts as ambient.
 
-    Parameters
-    ----------
-    muscle : RobotMuscle
-        The muscle.
-    pressure : float
-        [Pa gauge].
-    positions : sequence of float
-        By joint of the robot [rad].
-
     Raises
     ------
     PamError
@@ -35,17 +26,6 @@ def muscle_torque(
     robot: Robot, joint: RobotJoint, pressures: Sequence[float], positions: Sequence[float]
 ) -> float:
     """Torque of all muscles at a joint [N m].
-
-    Parameters
-    ----------
-    robot : Robot
-        The robot.
-    joint : RobotJoint
-        One of its joints.
-    pressures : sequence of float
-        By muscle of the robot [Pa gauge].
-    positions : sequence of float
-        By joint of the robot [rad].
 
     Raises
     ------

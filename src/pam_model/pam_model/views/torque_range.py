@@ -61,17 +61,10 @@ def largest_torque(robot: Robot, joint: RobotJoint) -> float:
 
 
 class AngleNotHeld(NamedTuple):
-    """An angle that the muscles cannot hold.
+    """An angle that the muscles cannot hold."""
 
-    Attributes
-    ----------
-    position : float
-        [rad].
-    gravity, muscles : float
-        Magnitudes of gravity's torque and of the largest torque against it [N m].
-    """
-
-    position: float
+    position: float  # [rad]
+    # gravity, muscles: magnitudes of gravity's torque and of the largest torque against it [N m]
     gravity: float
     muscles: float
 

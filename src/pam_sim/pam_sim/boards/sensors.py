@@ -10,23 +10,13 @@ from pam_model.errors import PamError
 
 @dataclass(frozen=True, slots=True)
 class SensorQuality:
-    """Noise and resolution of a board's inputs; 0 switches the noise or the rounding off.
+    """Noise and resolution of a board's inputs; 0 switches the noise or the rounding off."""
 
-    Attributes
-    ----------
-    pressure_noise : float
-        Standard deviation of the noise [Pa].
-    position_noise : float
-        Standard deviation of the noise [rad].
-    pressure_quantum : float
-        Resolution of the converter [Pa]; default 12 bits for 10 bar.
-    position_quantum : float
-        Resolution of the encoder [rad]; default 14 bits per turn.
-    """
-
-    pressure_noise: float = 200.0
-    position_noise: float = 1e-4
+    pressure_noise: float = 200.0  # standard deviation of the noise [Pa]
+    position_noise: float = 1e-4  # standard deviation of the noise [rad]
+    # resolution of the converter [Pa]; default 12 bits for 10 bar
     pressure_quantum: float = 1e6 / 4096.0
+    # resolution of the encoder [rad]; default 14 bits per turn
     position_quantum: float = 6.283185307179586 / 16384.0
 
     def __post_init__(self) -> None:
@@ -37,15 +27,7 @@ class SensorQuality:
 
 
 class BoardSensors:
-    """The analogue inputs of one board.
-
-    Parameters
-    ----------
-    quality : SensorQuality
-        Noise and resolution.
-    seed : sequence of int
-        Seed of the noise.
-    """
+    """The analogue inputs of one board."""
 
     BLOCK = 1024
 

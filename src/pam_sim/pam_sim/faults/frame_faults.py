@@ -25,34 +25,18 @@ KINDS: Final = (
 
 @dataclass(frozen=True, slots=True)
 class FrameFault:
-    """A fault of frames for a limited time.
+    """A fault of frames for a limited time."""
 
-    Attributes
-    ----------
-    kind : str
-        One of KINDS.
-    direction : str
-        "up" from the boards, "down" to them.
-    share : float
-        Share of the frames that are affected, 0 to 1; for foreign frames, their number per frame.
-    delay : float
-        Delay of late frames, longest delay with jitter, length of a gap, delay of frames that
-        others overtake, and how old a frame is when it is replayed [s].
-    until : float
-        When the fault ends [s].
-    period : float
-        Time from the beginning of one gap to that of the next [s].
-    only : frozenset of int
-        The identifiers whose frames are affected; empty for all.
-    """
-
-    kind: str
-    direction: Direction
+    kind: str  # one of KINDS
+    direction: Direction  # "up" from the boards, "down" to them
+    # share of the frames that are affected, 0 to 1; for foreign frames, their number per frame
     share: float
+    # delay of late frames, longest delay with jitter, length of a gap, delay of frames that others
+    # overtake, and how old a frame is when it is replayed [s]
     delay: float
-    until: float
-    period: float = 1.0
-    only: frozenset[int] = frozenset()
+    until: float  # when the fault ends [s]
+    period: float = 1.0  # time from the beginning of one gap to that of the next [s]
+    only: frozenset[int] = frozenset()  # the identifiers whose frames are affected; empty for all
 
     def hits(self, frame_id: int, direction: Direction) -> bool:
         """Whether it may affect a frame."""

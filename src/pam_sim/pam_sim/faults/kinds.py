@@ -6,16 +6,14 @@ docs/safety_tables.md`), and the fault campaign compares its measurements with t
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
-from difflib import get_close_matches
+from collections.abc import Sequence
 from typing import Final
 
-from pam_driver.boards.register import DEFAULT_KIND
 from pam_driver.safety.states import table_as_markdown as states_as_markdown
 from pam_driver.safety.tables_for_docs import categories_as_markdown, diagram_as_mermaid
 from pam_model.errors import PamError
 from pam_sim.faults.bus_and_board_kinds import BUS_AND_BOARD_KINDS
-from pam_sim.faults.device_kinds import DEVICE_KINDS, FOR_ALL_BOARDS
+from pam_sim.faults.device_kinds import DEVICE_KINDS
 from pam_sim.faults.fault_kind import STOPS, FaultKind
 from pam_sim.faults.foreign_kinds import FOREIGN_KINDS
 from pam_sim.faults.host_and_command_kinds import HOST_AND_COMMAND_KINDS
@@ -47,45 +45,6 @@ ALL_KINDS: Final = (
 )
 KINDS: Final = tuple(kind for kind in ALL_KINDS if not kind.boards)
 """The kinds that are stated for the board of this project."""
-
-
-def kind_called(name: str) -> FaultKind:
-    """The kind with this name; StopIteration if there is none."""
-    return next(kind for kind in ALL_KINDS if kind.name == name)
-
-
-def kinds_for(boards: Collection[str]) -> list[FaultKind]:
-    """The kinds that are stated for a rig with these kinds of board.
-
-    Parameters
-    ----------
-    boards : collection of str
-        Names of kinds of board, as the rig file has them.
-    """
-    if set(boards) <= {DEFAULT_KIND}:
-        return list(KINDS)
-    return [
-        kind
-        for kind in ALL_KINDS
-        if kind.name in FOR_ALL_BOARDS or not set(kind.boards).isdisjoint(boards)
-    ]
-
-
-def kinds_called(names: Sequence[str] | None, kinds: Sequence[FaultKind]) -> list[FaultKind]:
-    """The kinds with these names; all kinds if no names are given.
-
-    Raises
-    ------
-    PamError
-        If no kind has one of the names.
-    """
-    known = {kind.name: kind for kind in kinds}
-    for name in names or ():
-        if name not in known:
-            close = get_close_matches(name, known, 1)
-            hint = f"did you mean {close[0]}?" if close else f"known: {', '.join(known)}"
-            raise PamError(f"unknown fault {name!r}; {hint}")
-    return [kind for kind in kinds if not names or kind.name in names]
 
 
 def bounds_as_markdown(kinds: Sequence[FaultKind] = KINDS) -> str:

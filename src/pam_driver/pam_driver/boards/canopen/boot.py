@@ -42,11 +42,6 @@ class BootStage(Enum):
 class Boot:
     """The boot of one device.
 
-    Parameters
-    ----------
-    device : CanopenDevice
-        Its tables.
-
     Attributes
     ----------
     stage : BootStage

@@ -59,35 +59,19 @@ class CanopenField(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class CanopenInput:
-    """A measurement: SI = gain * raw + bias.
+    """A measurement: SI = gain * raw + bias."""
 
-    Attributes
-    ----------
-    what : str
-        PRESSURE_INPUT [Pa gauge], ANGLE_INPUT [rad] or SUPPLY_INPUT [Pa absolute].
-    channel : int, str
-        As muscles and joints name it; "" for the supply pressure.
-    field : CanopenField
-        Where it is in its PDO.
-    gain, bias : float
-        Conversion from raw values to SI.
-    low, high : float
-        The raw values that the device can show.
-    invalid : mapping of int to str
-        Raw values that mean no measurement, with their names.
-    wraps : bool
-        An angle that is brought to -pi to pi.
-    """
-
-    what: str
-    channel: Channel
-    field: CanopenField
+    what: str  # PRESSURE_INPUT [Pa gauge], ANGLE_INPUT [rad] or SUPPLY_INPUT [Pa absolute]
+    channel: Channel  # as muscles and joints name it; "" for the supply pressure
+    field: CanopenField  # where it is in its PDO
+    # gain, bias: conversion from raw values to SI
     gain: float
     bias: float
+    # low, high: the raw values that the device can show
     low: float
     high: float
-    invalid: Mapping[int, str]
-    wraps: bool = False
+    invalid: Mapping[int, str]  # raw values that mean no measurement, with their names
+    wraps: bool = False  # an angle that is brought to -pi to pi
 
 
 class CanopenOutput(NamedTuple):
@@ -152,50 +136,24 @@ Step = Write | Check
 
 @dataclass(frozen=True, slots=True)
 class CanopenDevice:
-    """Everything that the driver knows of a device.
+    """Everything that the driver knows of a device."""
 
-    Attributes
-    ----------
-    node, host_node : int
-        Node number of the device, and the one with which the driver sends heartbeats.
-    commands : tuple of Rpdo
-        The PDOs with set points.
-    answers : tuple of Tpdo
-        The PDOs with measurements.
-    steps : tuple of Write or Check
-        What the boot does between "pre-operational" and "start".
-    period : float
-        Time between two TPDOs [s]; with `sync`, the driver's cycle decides.
-    heartbeat_period : float
-        Time between two heartbeats of the device [s].
-    host_period : float or None
-        Time between two heartbeats of the driver [s]; None if the device does not need them.
-    sync : bool
-        Whether TPDOs follow the driver's SYNC.
-    stops : bool
-        Whether a vent stops the device (NMT), in addition to its set points.
-    sdo_timeout : float
-        How long an answer to an SDO request is waited for [s].
-    error_values : mapping of int to float
-        By place of a set point in the rig, the raw value that the device applies on errors, if the
-        driver configures it (CiA 401, 0x6443 and 0x6444).
-    off_on_error : bool
-        Whether the manual says that all outputs go off outside the state operational.
-    promises : Promises
-        What the device does for safety by itself.
-    """
-
+    # node, host_node: node number of the device, and the one with which the driver sends heartbeats
     node: int
     host_node: int
-    commands: tuple[Rpdo, ...]
-    answers: tuple[Tpdo, ...]
-    steps: tuple[Step, ...]
-    period: float
-    heartbeat_period: float
+    commands: tuple[Rpdo, ...]  # the PDOs with set points
+    answers: tuple[Tpdo, ...]  # the PDOs with measurements
+    steps: tuple[Step, ...]  # what the boot does between "pre-operational" and "start"
+    period: float  # time between two TPDOs [s]; with `sync`, the driver's cycle decides
+    heartbeat_period: float  # time between two heartbeats of the device [s]
+    # time between two heartbeats of the driver [s]; None if the device does not need them
     host_period: float | None
-    sync: bool
-    stops: bool
-    sdo_timeout: float
+    sync: bool  # whether TPDOs follow the driver's SYNC
+    stops: bool  # whether a vent stops the device (NMT), in addition to its set points
+    sdo_timeout: float  # how long an answer to an SDO request is waited for [s]
+    # by place of a set point in the rig, the raw value that the device applies on errors, if the
+    # driver configures it (CiA 401, 0x6443 and 0x6444)
     error_values: Mapping[int, float]
+    # whether the manual says that all outputs go off outside the state operational
     off_on_error: bool
-    promises: Promises
+    promises: Promises  # what the device does for safety by itself

@@ -56,15 +56,6 @@ class Demand(NamedTuple):
 class SignalReader:
     """Reads all signals of one device; problems are added to the section.
 
-    Parameters
-    ----------
-    wired : WiredBoard
-        The muscles and joints of the device.
-    dictionary : Dictionary
-        Its objects.
-    top : Section
-        Its section of the rig file.
-
     Attributes
     ----------
     demands, readings : list

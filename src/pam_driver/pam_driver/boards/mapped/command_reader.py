@@ -47,15 +47,6 @@ class _Message:
 class CommandReader:
     """Reads the commands of one device; problems are added to the section.
 
-    Parameters
-    ----------
-    wired : WiredBoard
-        The muscles of the device.
-    lookup : DbcLookup
-        Its DBC file.
-    top : Section
-        Its section of the rig file.
-
     Attributes
     ----------
     messages : dict of str to object

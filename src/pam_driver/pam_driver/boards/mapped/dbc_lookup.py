@@ -12,7 +12,8 @@ from cantools.database.can import Message, Signal
 from cantools.database.errors import Error
 
 from pam_driver.boards.conversion import Source
-from pam_driver.boards.dbc_file import DbcFlaw, read_dbc
+from pam_driver.boards.dbc_file import read_dbc
+from pam_driver.boards.dbc_flaws import DbcFlaw
 from pam_driver.boards.mapped.device import Selected
 from pam_driver.boards.mapped.signal_layout import FLOAT_BITS, SignalLayout
 from pam_driver.boards.units import Linear

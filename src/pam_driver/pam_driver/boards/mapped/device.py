@@ -46,31 +46,16 @@ class Selected(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class MappedInput:
-    """A measurement: SI = gain * counts + bias.
+    """A measurement: SI = gain * counts + bias."""
 
-    Attributes
-    ----------
-    what : str
-        PRESSURE_INPUT [Pa gauge], ANGLE_INPUT [rad] or SUPPLY_INPUT [Pa absolute].
-    channel : int, str
-        As muscles and joints name it; "" for the supply pressure.
-    signal : Selected
-        Where it is in the message.
-    gain, bias : float
-        Conversion from counts to SI.
-    invalid : mapping of int to str
-        Raw values that mean no measurement, with their names.
-    wraps : bool
-        An angle that is brought to -pi to pi.
-    """
-
-    what: str
-    channel: Channel
-    signal: Selected
+    what: str  # PRESSURE_INPUT [Pa gauge], ANGLE_INPUT [rad] or SUPPLY_INPUT [Pa absolute]
+    channel: Channel  # as muscles and joints name it; "" for the supply pressure
+    signal: Selected  # where it is in the message
+    # gain, bias: conversion from counts to SI
     gain: float
     bias: float
-    invalid: Mapping[int, str]
-    wraps: bool = False
+    invalid: Mapping[int, str]  # raw values that mean no measurement, with their names
+    wraps: bool = False  # an angle that is brought to -pi to pi
 
 
 class MappedOutput(NamedTuple):
@@ -102,30 +87,20 @@ class AnswerFrame:
 
 @dataclass(frozen=True, slots=True)
 class CommandFrame:
-    """A message to the device, for one value of its selector if it is multiplexed.
-
-    Attributes
-    ----------
-    base : tuple of int
-        The constant bits, in the payload read as a little-endian and as a big-endian number.
-    enabled, disabled : tuple of int
-        The bits of the enable signals, added to `base`.
-    outputs : tuple of MappedOutput
-        The set points in it.
-    period : float
-        Time between two frames [s]; 0 for every cycle of the driver.
-    """
+    """A message to the device, for one value of its selector if it is multiplexed."""
 
     name: str
     frame_id: int
     length: int
+    # the constant bits, in the payload read as a little-endian and as a big-endian number
     base: tuple[int, int]
+    # enabled, disabled: the bits of the enable signals, added to `base`
     enabled: tuple[int, int]
     disabled: tuple[int, int]
-    outputs: tuple[MappedOutput, ...]
+    outputs: tuple[MappedOutput, ...]  # the set points in it
     counter: SignalLayout | None
     checksum: FrameChecksum | None
-    period: float
+    period: float  # time between two frames [s]; 0 for every cycle of the driver
 
 
 class RequestFrame(NamedTuple):
@@ -137,26 +112,15 @@ class RequestFrame(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class MappedDevice:
-    """Everything that the driver knows of a device.
+    """Everything that the driver knows of a device."""
 
-    Attributes
-    ----------
-    answers : tuple of AnswerFrame
-        Messages from the device.
-    commands : tuple of CommandFrame
-        Messages that are sent in every cycle or periodically.
-    vent, clear_faults : tuple of RequestFrame
-        Messages that are sent in addition to vent, and to clear faults.
-    active, fault : frozenset of int
-        Raw values of the state in which the valves follow, and of those that are faults.
-    promises : Promises
-        What the device does for safety by itself.
-    """
-
-    answers: tuple[AnswerFrame, ...]
-    commands: tuple[CommandFrame, ...]
+    answers: tuple[AnswerFrame, ...]  # messages from the device
+    commands: tuple[CommandFrame, ...]  # messages that are sent in every cycle or periodically
+    # vent, clear_faults: messages that are sent in addition to vent, and to clear faults
     vent: tuple[RequestFrame, ...]
     clear_faults: tuple[RequestFrame, ...]
+    # active, fault: raw values of the state in which the valves follow, and of those that are
+    # faults
     active: frozenset[int]
     fault: frozenset[int]
-    promises: Promises
+    promises: Promises  # what the device does for safety by itself

@@ -24,13 +24,6 @@ _FD_LENGTHS: Final[tuple[int, ...]] = (*range(9), 12, 16, 20, 24, 32, 48, 64)
 class SignalLayout:
     """One signal of a message.
 
-    Parameters
-    ----------
-    message : Message
-        The message as cantools read it.
-    signal : Signal
-        One of its signals.
-
     Attributes
     ----------
     name : str

@@ -38,17 +38,7 @@ _NO_ENABLE: Final = (False, False)
 
 
 class PamBoard(BoardMonitor):
-    """A board with a number; see docs/can_protocol.md for the rules it relies on.
-
-    Parameters
-    ----------
-    number : int
-        Its number on the bus.
-    wired : WiredBoard
-        Its muscles and joint.
-    codec : BoardCodec
-        Encodes and decodes the frames.
-    """
+    """A board with a number; see docs/can_protocol.md for the rules it relies on."""
 
     def __init__(self, number: int, wired: WiredBoard, codec: BoardCodec) -> None:
         super().__init__(number)

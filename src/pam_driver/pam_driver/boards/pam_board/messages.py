@@ -59,23 +59,13 @@ class BoardCommand(NamedTuple):
 
 
 class ValveCommand(NamedTuple):
-    """Both valves of a board for one cycle.
+    """Both valves of a board for one cycle."""
 
-    Attributes
-    ----------
-    valves : tuple of float
-        Fraction of full scale per channel, -1 to 1.
-    enable : tuple of bool
-        False vents the channel regardless of `valves`.
-    counter : int
-        0 to 255, one more than in the previous frame.
-    release_brake, close_dump : bool
-        Outputs for a brake and for the dump valve of the supply; False is the safe value.
-    """
-
-    valves: tuple[float, float]
-    enable: tuple[bool, bool]
-    counter: int
+    valves: tuple[float, float]  # fraction of full scale per channel, -1 to 1
+    enable: tuple[bool, bool]  # false vents the channel regardless of `valves`
+    counter: int  # 0 to 255, one more than in the previous frame
+    # release_brake, close_dump: outputs for a brake and for the dump valve of the supply; False is
+    # the safe value
     release_brake: bool = False
     close_dump: bool = False
 

@@ -20,33 +20,19 @@ from pam_model.errors import DomainError
 class SupplyLine:
     """A muscle with its valve, tube and unused gas space.
 
-    Attributes
-    ----------
-    muscle_volume : float
-        Gas volume of the muscle at its working length [m^3].
-    valve_conductance : float
-        ISO 6358 C [m^3/(s Pa)].
-    critical_ratio : float
-        ISO 6358 b of the whole path [-].
-    dead_volume : float
-        Gas volume of fittings and other parts besides muscle and tube [m^3].
-    filler_volume : float
-        Solid or granular filler inside the muscle that reduces the gas volume [m^3].
-    tube : StraightTube or None
-        Tube between valve and muscle.
-
     Raises
     ------
     DomainError
         For a volume below 0 or a filler that leaves no gas volume.
     """
 
-    muscle_volume: float
-    valve_conductance: float
-    critical_ratio: float = 0.3
-    dead_volume: float = 0.0
+    muscle_volume: float  # gas volume of the muscle at its working length [m^3]
+    valve_conductance: float  # ISO 6358 C [m^3/(s Pa)]
+    critical_ratio: float = 0.3  # ISO 6358 b of the whole path [-]
+    dead_volume: float = 0.0  # gas volume of fittings and other parts besides muscle and tube [m^3]
+    # solid or granular filler inside the muscle that reduces the gas volume [m^3]
     filler_volume: float = 0.0
-    tube: StraightTube | None = None
+    tube: StraightTube | None = None  # tube between valve and muscle
 
     def __post_init__(self) -> None:
         require("muscle_volume [m^3]", self.muscle_volume, 0.0, open_low=True)

@@ -16,15 +16,6 @@ from pam_model.gas import first_law_pressure_rate, temperature_rate
 class ThermalChamber:
     """The wall of a chamber that exchanges heat with its gas.
 
-    Attributes
-    ----------
-    heat_transfer : float
-        h [W/(m^2 K)]; 10-60 for a muscle.
-    wall_area : float
-        A [m^2].
-    wall_temperature : float
-        T_wall [K].
-
     Raises
     ------
     DomainError
@@ -32,9 +23,9 @@ class ThermalChamber:
         temperature not above 0 and flows below 0.
     """
 
-    heat_transfer: float
-    wall_area: float
-    wall_temperature: float
+    heat_transfer: float  # h [W/(m^2 K)]; 10-60 for a muscle
+    wall_area: float  # a [m^2]
+    wall_temperature: float  # T_wall [K]
 
     def __post_init__(self) -> None:
         require("heat_transfer [W/(m^2 K)]", self.heat_transfer, 0.0)

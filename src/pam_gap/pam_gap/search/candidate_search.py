@@ -16,8 +16,11 @@ import numpy as np
 
 from pam_gap.inference.candidates import Candidate, richer_starts
 from pam_gap.inference.hypothesis import FitTask, Hypothesis, HypothesisFitter
+from pam_gap.inference.score import level
+from pam_gap.inference.search_growth import GrowthStep
 from pam_gap.inference.selection import NESTED
 from pam_gap.prediction.fit import Array, Slopes
+from pam_gap.rules.search_rules import SearchRules
 
 Progress = Callable[[str, float], None]
 """Called with the current task and the completed share of the whole work."""
@@ -27,28 +30,22 @@ def silent(task: str, share: float) -> None:
     """Progress function that reports nothing."""
 
 
-def level(mean_square: Array, floor: Array, present: Array) -> float:
-    """Sum over channels of the log mean square over the floor, at least 0 in a channel."""
-    return float(np.sum(np.log(np.maximum(mean_square / floor, 1.0))[present]))
-
-
 @dataclass(slots=True)
 class SearchResult:
-    """All hypotheses that were tried.
+    """All hypotheses that were tried."""
 
-    Attributes
-    ----------
-    nominal : Hypothesis
-        The plant re-tuned without effects.
-    by_size : list of list of Hypothesis
-        Entry k holds the hypotheses of k + 1 effects, best first.
-    singles : tuple of str
-        All effects, in the order of their levels as single effects.
-    """
-
-    nominal: Hypothesis
+    nominal: Hypothesis  # the plant re-tuned without effects
+    # entry k holds the hypotheses of k + 1 effects, best first
     by_size: list[list[Hypothesis]] = field(default_factory=list)
-    singles: tuple[str, ...] = ()
+    singles: tuple[str, ...] = ()  # all effects, in the order of their levels as single effects
+    causes: frozenset[str] = frozenset()  # effects that are causes although their size is ordinary
+    # after each size, the state of the search, and whether one more effect was sought
+    growth: list[tuple[GrowthStep, bool]] = field(default_factory=list)
+
+    def leading(self, rules: SearchRules) -> list[list[Hypothesis]]:
+        """The best hypotheses of each size, which get a held-out score."""
+        shares = (rules.finalists_one, rules.finalists_two, rules.finalists_three)
+        return [found[: shares[min(size, 2)]] for size, found in enumerate(self.by_size)]
 
 
 def _twin_starts(twin: Candidate, member: Candidate, values: Array) -> tuple[Array, ...]:
@@ -63,17 +60,7 @@ def _twin_starts(twin: Candidate, member: Candidate, values: Array) -> tuple[Arr
 
 
 class CandidateSearch:
-    """One search over candidates.
-
-    Parameters
-    ----------
-    fitter : HypothesisFitter
-        Fitter of the problem.
-    candidates : sequence of Candidate
-        The effects that may be added.
-    progress : callable, optional
-        Called with the task and the completed share.
-    """
+    """One search over candidates."""
 
     def __init__(
         self,

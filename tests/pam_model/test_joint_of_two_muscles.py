@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pam_model.errors import DomainError
-from pam_model.joints.antagonistic_joint import AntagonisticJoint
 from pam_model.joints.joint_muscle import JointMuscle
+from pam_model.joints.joint_statics import JointStatics
 from pam_model.muscles.models.gaylord import Gaylord
 from pam_model.rig import Rig, load_rig
 
@@ -37,9 +37,9 @@ def with_effects(effects: dict[str, dict[str, float]]) -> Rig:
 
 
 JOINTS = {
-    "nominal": AntagonisticJoint.from_rig(RIG, "elbow", min_pressure=LOW),
-    "bladder": AntagonisticJoint.from_rig(with_effects(BLADDER), "elbow", min_pressure=LOW),
-    "stretching": AntagonisticJoint.from_rig(with_effects(STRETCHING), "elbow", min_pressure=LOW),
+    "nominal": JointStatics.from_rig(RIG, "elbow", min_pressure=LOW),
+    "bladder": JointStatics.from_rig(with_effects(BLADDER), "elbow", min_pressure=LOW),
+    "stretching": JointStatics.from_rig(with_effects(STRETCHING), "elbow", min_pressure=LOW),
 }
 positions = st.floats(-1.0, 1.0)
 pressures = st.floats(5e4, 6e5)
@@ -52,13 +52,12 @@ def test_against_the_oracle(vector: int) -> None:
     case = entry["vectors"][vector]
     at, out = case["in"], case["out"]
     model = Gaylord(at["b"], at["n"])
-    joint = AntagonisticJoint(
-        JointMuscle(model, at["L1_0"], 0.0, 1e6),
-        JointMuscle(model, at["L2_0"], 0.0, 1e6),
-        at["r"],
+    joint = JointStatics(
+        [JointMuscle(model, at[length], 0.0, 1e6) for length in ("L1_0", "L2_0")],
+        [at["r"], -at["r"]],
     )
-    torque = joint.torque(at["P1"], at["P2"], at["phi"])
-    stiffness = joint.stiffness(at["P1"], at["P2"], at["phi"])
+    torque = joint.torque((at["P1"], at["P2"]), at["phi"])
+    stiffness = joint.stiffness((at["P1"], at["P2"]), at["phi"])
     assert torque == pytest.approx(out["tau"], rel=entry["rtol"], abs=entry["atol"])
     assert stiffness == pytest.approx(out["K_phi"], rel=entry["rtol"], abs=entry["atol"])
 
@@ -69,7 +68,7 @@ def test_torques_of_several_pairs_are_those_of_each_pair(
     name: str, agonist: float, antagonist: float, position: float
 ) -> None:
     joint, pairs = JOINTS[name], ((agonist, antagonist), (antagonist, 0.5 * agonist))
-    alone = [joint.torque(*pair, position) for pair in pairs]
+    alone = [joint.torque(pair, position) for pair in pairs]
     assert joint.torques(pairs, position) == pytest.approx(alone, rel=1e-12, abs=1e-12)
 
 
@@ -79,10 +78,10 @@ def test_inverse_finds_the_pressures_back(
     name: str, agonist: float, antagonist: float, position: float
 ) -> None:
     joint = JOINTS[name]
-    if min(joint.tensions(agonist, antagonist, position)) <= 0.0:
+    if min(joint.tensions((agonist, antagonist), position)) <= 0.0:
         return
-    torque = joint.torque(agonist, antagonist, position)
-    stiffness = joint.stiffness(agonist, antagonist, position)
+    torque = joint.torque((agonist, antagonist), position)
+    stiffness = joint.stiffness((agonist, antagonist), position)
     found = joint.pressures_for(torque, stiffness, position)
     assert not (found.torque_limited or found.stiffness_limited or found.position_limited)
     assert found.agonist == pytest.approx(agonist, abs=1.0)
@@ -98,7 +97,7 @@ def test_what_is_said_to_be_achieved_is_achieved(
     found = joint.pressures_for(torque, stiffness, position)
     for pressure in (found.agonist, found.antagonist):
         assert LOW <= pressure <= 600000.0
-    at = found.agonist, found.antagonist, position
+    at = found.pressures, position
     assert joint.torque(*at) == pytest.approx(found.torque, abs=1e-5)
     if min(joint.tensions(*at)) > 1e-3:
         assert joint.stiffness(*at) == pytest.approx(found.stiffness, abs=1e-4)
@@ -119,16 +118,16 @@ def test_limits_are_the_best_of_all_pressures(
     for agonist in grid:
         for antagonist in grid:
             # torque has priority
-            other = abs(joint.torque(agonist, antagonist, position) - torque)
+            other = abs(joint.torque((agonist, antagonist), position) - torque)
             assert miss <= other + 1e-6
     # no other pressures with the same torque come nearer to the requested stiffness
     for shift in (-2e4, -2e3, 2e3, 2e4):
         agonist = found.agonist + shift
-        slope = joint.agonist.model.force(1.0, joint.lengths(position)[0])
-        back = joint.antagonist.model.force(1.0, joint.lengths(position)[1])
+        slope = joint.muscles[0].model.force(1.0, joint.lengths(position)[0])
+        back = joint.muscles[1].model.force(1.0, joint.lengths(position)[1])
         antagonist = found.antagonist + shift * slope / back if back > 0 else math.inf
         if LOW <= agonist <= 6e5 and LOW <= antagonist <= 6e5:
-            other = abs(joint.stiffness(agonist, antagonist, position) - stiffness)
+            other = abs(joint.stiffness((agonist, antagonist), position) - stiffness)
             assert abs(found.stiffness - stiffness) <= other + 1e-6
 
 
@@ -154,7 +153,7 @@ def test_position_outside_the_models_uses_the_edge() -> None:
         assert found.position_limited
         assert LOW <= found.agonist <= 6e5
     with pytest.raises(DomainError, match="outside"):
-        joint.torque(1e5, 1e5, 5.0)
+        joint.torque((1e5, 1e5), 5.0)
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf])
@@ -172,15 +171,15 @@ def test_stiffness_is_minus_the_slope_of_torque(
     name: str, agonist: float, antagonist: float, position: float
 ) -> None:
     joint = JOINTS[name]
-    if min(joint.tensions(agonist, antagonist, position)) < 1.0:
+    if min(joint.tensions((agonist, antagonist), position)) < 1.0:
         return
     step = 1e-5
-    rise = joint.torque(agonist, antagonist, position + step) - joint.torque(
-        agonist, antagonist, position - step
+    rise = joint.torque((agonist, antagonist), position + step) - joint.torque(
+        (agonist, antagonist), position - step
     )
-    stiffness = joint.stiffness(agonist, antagonist, position)
+    stiffness = joint.stiffness((agonist, antagonist), position)
     assert stiffness == pytest.approx(-rise / (2 * step), rel=1e-4, abs=1e-3)
-    assert joint.closed_stiffness(agonist, antagonist, position) > stiffness
+    assert joint.closed_stiffness((agonist, antagonist), position) > stiffness
 
 
 def test_volume_slopes_match_differences() -> None:
@@ -192,10 +191,10 @@ def test_volume_slopes_match_differences() -> None:
 
 def test_a_muscle_never_pushes() -> None:
     short = JointMuscle(Gaylord(0.2758, 1.856), 0.15, 0.0, 6e5)
-    joint = AntagonisticJoint(short, replace_length(short, 0.225), 0.03)
+    joint = JointStatics([short, replace_length(short, 0.225)], [0.03, -0.03])
     assert short.model.force(3e5, 0.15) < 0.0
-    assert joint.tensions(3e5, 3e5, 0.0)[0] == 0.0
-    assert joint.torque(3e5, 3e5, 0.0) < 0.0
+    assert joint.tensions((3e5, 3e5), 0.0)[0] == 0.0
+    assert joint.torque((3e5, 3e5), 0.0) < 0.0
     found = joint.pressures_for(5.0, 10.0, 0.0)
     assert found.torque_limited
     assert found.torque == pytest.approx(0.0, abs=1e-9)
@@ -208,21 +207,21 @@ def replace_length(muscle: JointMuscle, length: float) -> JointMuscle:
 def test_effects_of_the_joint_count() -> None:
     joint = RIG.joint("elbow")
     rig = RIG.with_joint(replace(joint, effects={"pulley_radius": {"scale": 1.1}}))
-    assert AntagonisticJoint.from_rig(rig, "elbow").pulley_radius == pytest.approx(0.033)
-    nominal = AntagonisticJoint.from_rig(rig.without_effects(), "elbow")
-    assert nominal.pulley_radius == 0.03
+    assert JointStatics.from_rig(rig, "elbow").radius == pytest.approx(0.033)
+    nominal = JointStatics.from_rig(rig.without_effects(), "elbow")
+    assert nominal.radius == 0.03
 
 
 def test_least_pressure_must_be_reachable() -> None:
     with pytest.raises(DomainError, match="min_pressure = 700000 Pa"):
-        AntagonisticJoint.from_rig(RIG, "elbow", min_pressure=7e5)
+        JointStatics.from_rig(RIG, "elbow", min_pressure=7e5)
 
 
 @pytest.mark.parametrize("effects", [BLADDER, STRETCHING, {"end_caps": {"factor": 1.1}}])
 @given(pressure=pressures, length=st.floats(0.19, 0.255))
 def test_effective_model_is_consistent(effects: Any, pressure: float, length: float) -> None:
     rig = with_effects(effects)
-    model = AntagonisticJoint.from_rig(rig, "elbow").agonist.model
+    model = JointStatics.from_rig(rig, "elbow").muscles[0].model
     step = 1e-6
     if abs(model.force(pressure, length)) < 0.1:
         return  # the slope jumps where the cable becomes slack
@@ -236,7 +235,7 @@ def test_effects_by_hand() -> None:
     force = nominal.force(pressure, length)
 
     def effective(**effects: dict[str, float]) -> float:
-        model = AntagonisticJoint.from_rig(with_effects(effects), "elbow").agonist.model
+        model = JointStatics.from_rig(with_effects(effects), "elbow").muscles[0].model
         return float(model.force(pressure, length))
 
     stretch = length - rest
@@ -264,6 +263,6 @@ def test_pressures_that_do_not_converge_still_give_the_torque(
     """At the least stiffness of muscles that stretch, the lines jump between two points."""
     joint = JOINTS["stretching"]
     found = joint.pressures_for(torque, stiffness, position)
-    assert joint.torque(found.agonist, found.antagonist, position) == pytest.approx(torque)
+    assert joint.torque(found.pressures, position) == pytest.approx(torque)
     assert not found.torque_limited
     assert found.stiffness_limited
