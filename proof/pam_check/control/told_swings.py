@@ -186,7 +186,8 @@ def watch(
 
     The swing of a joint that the controller has stopped is infinite.
     """
-    errors, told_at, first = [], math.inf, ""
+    errors: list[float] = []
+    told_at, first = math.inf, ""
     for time, error, told in played(controller, truth, points, seed):
         errors.append(error)
         if told and not first:
