@@ -6,7 +6,8 @@ The robot runs in one process and holds the joints, and then driver, model and c
 Beside them, in the same run, a bare node is measured that publishes and takes the same number of
 messages of the same size as a driver of its own, and does nothing with them. Its start contains
 what every Python node needs. The loops ask for a real-time priority, as the launch files do. The
-figures hold for an idle machine with at least two cores.
+figures hold for an idle machine with at least two cores. The table of rates takes the share at
+500 Hz for a time of a cycle; a cycle at a lower rate takes a little longer, with colder caches.
 """
 
 from __future__ import annotations
@@ -44,6 +45,11 @@ SETTLING = 3.0  # s
 TIMEOUT = 120.0  # s
 CACHED = {"PYTHONDONTWRITEBYTECODE": ""}  # as a user starts nodes: compiled once
 TICK = os.sysconf("SC_CLK_TCK")
+RATES = (1000.0, 500.0, 250.0, 200.0, 100.0, 50.0)  # Hz
+BUSY = 0.7  # of a period; a loop that takes more has late cycles as soon as anything else runs
+SPEEDS = (1.0, 2.5, 0.5)
+"""Of one core over that of this computer: itself, and by estimate a fast desktop and a small Arm
+board. A cycle is Python, whose time follows the speed of one core."""
 
 
 def processor_seconds(pid: int) -> float:
@@ -116,6 +122,20 @@ def measured_chain(joints: int, seconds: float) -> tuple[dict[str, float], dict[
     return found, started
 
 
+def highest_rate(share: float, speed: float) -> float:
+    """The highest usual rate [Hz] at which the cycles fit; 0 if none does.
+
+    Parameters
+    ----------
+    share : float
+        Of this computer's core at `RATE` [-].
+    speed : float
+        Of the other core over this one [-].
+    """
+    cycle = share / RATE / speed
+    return next((rate for rate in RATES if rate * cycle <= BUSY), 0.0)
+
+
 def bare_node(
     rate: float, joints: int, topics: tuple[str, str], domain: Mapping[str, str]
 ) -> subprocess.Popen[bytes]:
@@ -185,12 +205,22 @@ def _run(given: Arguments) -> Outcome:
         rows[joints] = {**found, "bare node": measured_bare(joints, given.seconds)}
         cells = "".join(f"{100 * rows[joints][name]:12.1f}" for name in (*NODES, "bare node"))
         print(f"{joints} joint{'s' if joints > 1 else ' '}, {RATE:g} Hz       {cells}")
+    print(f"highest rate [Hz] at which one process takes at most {100 * BUSY:.0f} % of a core")
+    print("speed of the core       " + "".join(f"{joints:6d} joints" for joints in given.joints))
+    for speed in SPEEDS:
+        rates = (highest_rate(rows[joints]["robot"], speed) for joints in given.joints)
+        told = "this one" if speed == 1.0 else f"{speed:g} times, estimated"
+        print(f"{told:24s}" + "".join(f"{rate:13.0f}" for rate in rates))
     print(f"start to first cycle, gains designed before; a bare node: {bare_start:.2f} s")
     for name, joints in itertools.product(READY, given.joints):
         print(f"  {name:12s} {joints} joints  {starts[joints][name]:6.2f} s")
     return Outcome(
         {
             "bare_loop": loop,
+            "highest_rates": {
+                joints: {speed: highest_rate(rows[joints]["robot"], speed) for speed in SPEEDS}
+                for joints in given.joints
+            },
             "shares": rows,
             "start_seconds": starts,
             "bare_start_seconds": bare_start,

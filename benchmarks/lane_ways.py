@@ -37,6 +37,7 @@ from pam_model.plant.batch_kernel import simulate_block
 from pam_model.plant.constants import derive_constants
 from pam_model.plant.lane_blocks import blocks_of_lanes
 from pam_model.plant.lane_choice import lane_kernels
+from pam_model.plant.lane_twins import LANES as WIDTH
 from pam_model.plant.layout import outputs_of
 from pam_model.plant.parameters import PlantParameters
 from pam_model.plant.simulate import Plant, initial_state
@@ -217,12 +218,12 @@ def measured(rates: Any, lanes: int, *, flat: bool) -> float:
 def of_the_suite(*, side_by_side: bool) -> float:
     """Million steps/s of the suite's plant: one joint, or a block of lanes."""
     parameters = PlantParameters.from_rig(load_rig(ELBOW))
-    constants = np.repeat(derive_constants(parameters.values)[None], LANES, 0)
-    states = np.repeat(initial_state(parameters)[None], LANES, 0)
+    constants = np.repeat(derive_constants(parameters.values)[None], WIDTH, 0)
+    states = np.repeat(initial_state(parameters)[None], WIDTH, 0)
     commands = np.tile([0.05, -0.05], (LONG, 1))
-    outputs = np.empty((LANES, LONG, outputs_of(2)))
+    outputs = np.empty((WIDTH, LONG, outputs_of(2)))
     tables = tuple(np.ascontiguousarray(table) for table in parameters.tables)
-    kernel = lane_kernels(constants)[0].for_all(LANES)
+    kernel = lane_kernels(constants)[0].for_all(WIDTH)
     (group,) = blocks_of_lanes(constants, [kernel], STEPS * STEP, STEP)
     plant = Plant(parameters, STEP)
 
@@ -237,7 +238,7 @@ def of_the_suite(*, side_by_side: bool) -> float:
 
     call()
     seconds = min(timeit.repeat(call, number=1, repeat=REPEATS))
-    return 1e-6 * (LANES if side_by_side else 1) * LONG * STEPS / seconds
+    return 1e-6 * (WIDTH if side_by_side else 1) * LONG * STEPS / seconds
 
 
 def _declare(parser: Parser) -> None:

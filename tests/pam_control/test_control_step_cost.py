@@ -3,7 +3,9 @@
 import cProfile
 import math
 import pstats
+import sys
 from functools import partial
+from statistics import median, quantiles
 
 from pam_control.adaptation.normal_equations import UNSOLVED
 from pam_control.adaptation.recursive_fit import RecursiveFit
@@ -49,11 +51,11 @@ def test_a_cycle_of_one_joint_makes_few_calls(rig):
 
 def test_no_cycle_builds_more_than_one_model(rig, monkeypatch):
     """The derivatives of the stiffness need eight models: 1.5 ms of a cycle of 2 ms, in one go."""
-    built, from_rig = [], JointStatics.from_rig
+    built, from_robot = [], JointStatics.from_robot
     steps = steps_of_a_stream(rig, 1000)
     next(steps)()  # makes the controller and its models
     monkeypatch.setattr(
-        JointStatics, "from_rig", lambda *given, **named: built.append(1) or from_rig(*given)
+        JointStatics, "from_robot", lambda *given, **named: built.append(1) or from_robot(*given)
     )
     counts = []
     for step in steps:
@@ -62,6 +64,28 @@ def test_no_cycle_builds_more_than_one_model(rig, monkeypatch):
         counts.append(len(built) - before)
     assert sum(counts) >= 8  # the derivatives were taken anew at least once
     assert max(counts) == 1
+
+
+def test_no_cycle_does_much_more_than_the_others(rig):
+    """What takes long is done in parts: 99 of 100 cycles make at most twice the usual calls."""
+    calls, counts = 0, []
+
+    def count(frame, event, argument):
+        nonlocal calls
+        calls += event in ("call", "c_call")
+
+    for step in steps_of_a_stream(rig, 1500):
+        calls = 0
+        sys.setprofile(count)
+        try:
+            step()
+        finally:
+            sys.setprofile(None)
+        counts.append(calls)
+    counts = counts[50:]
+    usual = median(counts)
+    assert quantiles(counts, n=100)[98] < 2.2 * usual
+    assert max(counts) < 3.0 * usual
 
 
 def test_joints_take_turns_with_what_they_learn(two_joint_rig, monkeypatch):

@@ -115,6 +115,9 @@ class Joint:
         self.numbers = ["radius", *(f"length {k}" for k in range(len(shares)))]
 
     def changed(self, changes):
+        yield self.with_changes(changes)
+
+    def with_changes(self, changes):
         radius = (1.0 + changes[0]) * self.radius
         muscles = [
             replace(self.one, neutral_length=(1.0 + change) * self.one.neutral_length)
@@ -131,7 +134,7 @@ def test_a_joint_of_any_number_of_muscles_has_its_stiffness_learnt(rig, shares):
     """The motion and the pressures are given; what holds the joint to the motion is known."""
     joint, dynamics = Joint(rig, shares), InverseDynamics.from_joint(compose(rig).joints[0])
     nothing = [0.0] * len(joint.numbers)
-    model, truth = joint.changed(nothing), joint.changed([0.02, *[-0.005] * len(shares)])
+    model, truth = joint.with_changes(nothing), joint.with_changes([0.02, *[-0.005] * len(shares)])
     estimate = StiffnessEstimate(joint, model, dynamics, 30.0)
     for cycle in range(600):
         t = 0.02 * cycle
@@ -149,3 +152,72 @@ def test_a_joint_of_any_number_of_muscles_has_its_stiffness_learnt(rig, shares):
     assert estimate.factor(pressures, 0.1, 1.0) == pytest.approx(
         true / model.stiffness(pressures, 0.1), rel=0.01
     )
+
+
+class Counting:
+    """A joint of a rig file that counts the parts of its work in which something is built."""
+
+    def __init__(self, joint):
+        self.joint, self.parts = joint, 0
+        self.numbers, self.tolerance, self.places = joint.numbers, joint.tolerance, joint.places
+
+    def changed(self, changes):
+        for part in self.joint.changed(changes):
+            self.parts += 1
+            yield part
+
+
+def estimates_of(rig, period, cycles):
+    """An estimate after cycles [s] of a joint that is 2 % off, and its parts in each cycle."""
+    joint = rig.joints[0]
+    model = JointStatics.from_rig(rig, joint.name)
+    dynamics = InverseDynamics.from_joint(compose(rig).joints[0])
+    counting = Counting(JointOfRig(rig, joint))
+    *_, truth = JointOfRig(rig, joint).changed([0.03, 0.01, -0.03, 0.005, 0.0, 0.02, -0.005])
+    # with a small torque even small errors are no noise, so that the derivatives are taken anew
+    estimate = StiffnessEstimate(counting, model, dynamics, 0.5)
+    parts = []
+    for cycle in range(cycles):
+        t, before = period * cycle, counting.parts
+        position = 0.3 * np.sin(2.0 * t) + 0.1 * np.sin(3.1 * t)
+        speed = 0.6 * np.cos(2.0 * t) + 0.31 * np.cos(3.1 * t)
+        acceleration = -1.2 * np.sin(2.0 * t) - 0.961 * np.sin(3.1 * t)
+        pressures = [2.5e5 + 1e5 * np.sin((1.0 + 0.3 * k) * t + k) for k in range(2)]
+        needed = dynamics.torque(position, speed, acceleration)
+        estimate.go_on()
+        estimate.rebuild(period)
+        estimate.learn(period, pressures, position, needed - truth.torque(pressures, position))
+        parts.append(counting.parts - before)
+    return estimate, parts, truth.stiffness((2.5e5, 2e5), 0.1)
+
+
+def test_a_cycle_does_a_part_of_the_work_and_the_whole_is_the_same(rig):
+    """At 500 Hz the work is spread over many cycles; at 50 Hz each sample is learnt at once."""
+    spread, parts, true = estimates_of(rig, 0.002, 4000)
+    at_once, *_ = estimates_of(rig, 0.02, 400)
+    assert max(parts) == 1
+    assert sum(parts) > 100  # the derivatives were taken anew, more than once
+    for each in (spread, at_once):
+        found = each.at((2.5e5, 2e5), 0.1)
+        assert found.learnt
+        assert found.value == pytest.approx(true, rel=0.01)
+        assert found.low < true < found.high
+
+
+def test_a_sample_is_learnt_before_the_next_one_in_loops_of_any_rate(rig):
+    """Where nobody asks for parts in between, the next sample finishes the last one."""
+    joint = rig.joints[0]
+    model = JointStatics.from_rig(rig, joint.name)
+    dynamics = InverseDynamics.from_joint(compose(rig).joints[0])
+    found = []
+    for helps in (False, True):
+        estimate = StiffnessEstimate(JointOfRig(rig, joint), model, dynamics, 30.0)
+        for cycle in range(100):
+            if helps:
+                for _ in range(20):
+                    estimate.go_on()
+            position = 0.3 * np.sin(0.1 * cycle)
+            estimate.learn(0.02, (2e5, 1.5e5 + 1e3 * cycle), position)
+        estimate.go_on()
+        found.append(estimate.at((2e5, 2e5), 0.1))
+    assert found[0] == found[1]

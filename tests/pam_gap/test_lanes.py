@@ -17,7 +17,7 @@ from pam_model.plant.constants import derive_constants
 from pam_model.plant.kernel import step_count
 from pam_model.plant.lane_blocks import blocks_of_lanes
 from pam_model.plant.lane_choice import GROUPS, LAWS, LaneKernel, lane_kernels
-from pam_model.plant.lane_twins import SINGLE
+from pam_model.plant.lane_twins import LANES, SINGLE
 from pam_model.plant.parameters import INDEX, PlantParameters, parameter_names
 from pam_model.plant.sensors import sensor_constants, sensors_of
 from pam_model.plant.simulate import initial_state, simulate
@@ -153,12 +153,16 @@ def test_lanes_that_need_shorter_steps_have_blocks_of_their_own(rig):
     assert np.flatnonzero(~cable.serves).tolist() == [25]
     blocks = blocks_of_lanes(constants, [bare, joint, cable], SAMPLE_TIME, STEP)
     assert {tuple(b.members): (b.steps, b.variant) for b in blocks} == {
-        (0, 1, 2, *range(9, 20), 21, 22): (2, bare.variant),
-        (23, 24, *range(26, 30)): (2, bare.variant),
+        (0, 1, 2, *range(9, 20), *range(21, 25), *range(26, 30)): (2, bare.variant),
         tuple(range(3, 9)): (6, bare.variant),
         (20,): (2, SINGLE),
         (25,): (2, SINGLE),
     }
+    halves = blocks_of_lanes(constants, [bare], SAMPLE_TIME, STEP, threads=2)
+    assert [len(b.members) for b in halves if b.variant is not SINGLE] == [16, 6, 6]
+    many = np.tile(constants[:1], (70, 1))
+    each = blocks_of_lanes(many, [bare.for_all(70)], SAMPLE_TIME, STEP)
+    assert [len(b.members) for b in each] == [LANES, LANES, 6]
     assert all(b.variant is SINGLE for b in blocks_of_lanes(constants, [], SAMPLE_TIME, STEP))
 
 

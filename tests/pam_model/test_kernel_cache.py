@@ -1,8 +1,11 @@
 """Where machine code of the plant is kept."""
 
 import importlib.util
+import math
 import os
 import resource
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -95,3 +98,45 @@ def test_without_any_folder_a_function_is_compiled_all_the_same(
     monkeypatch.setenv("XDG_CACHE_HOME", str(blocked))
     monkeypatch.setenv("HOME", str(blocked))
     assert doubled()(3.0) == 6.0
+
+
+LAWS = (
+    "import math\n"
+    "def laws(row, x):\n"
+    "    for i in range(len(row)):\n"
+    "        y = row[i]\n"
+    "        row[i] = math.sin(y) + math.exp(-x) + y**x + math.expm1(x) + math.hypot(x, y)\n"
+    "        row[i] += math.atan2(x, y) + math.log(x) + math.tanh(y) + y % x + y // x + round(y)\n"
+    "    return row[0], x > 0.5\n"
+)
+AGAIN = (
+    "import sys, numpy\n"
+    "from pam_model.plant import compiled\n"
+    "sys.path.insert(0, sys.argv[1])\n"
+    "compiled._CACHE = sys.argv[2]\n"
+    "import laws\n"
+    "made, row = compiled.entry_point(laws.laws), numpy.array([0.3, 1.7, 2.9])\n"
+    "before = set(sys.modules)\n"
+    "compiled.prepare(made, row, 0.0)\n"
+    "found = made(row, 0.7)\n"
+    "print(len(set(sys.modules) - before))\n"
+    "print(repr([*found, *row.tolist()]))\n"
+)
+
+
+@pytest.mark.skipif(not compiled.HAVE_NUMBA, reason="without numba nothing is kept")
+def test_what_is_compiled_already_is_read_without_what_can_compile(tmp_path: Path) -> None:
+    """Importing it would take longer than all else at the start of a controller."""
+    (tmp_path / "laws.py").write_text(LAWS)
+    words = [sys.executable, "-c", AGAIN, str(tmp_path), str(tmp_path / "kept")]
+    (first, one), (second, other) = (
+        subprocess.run(words, capture_output=True, text=True, check=True).stdout.splitlines()
+        for _ in range(2)
+    )
+    assert int(second) < 20 < int(first)
+    scope: dict = {}
+    exec(LAWS, scope)
+    row = [0.3, 1.7, 2.9]
+    plain = [*scope["laws"](row, 0.7), *row]
+    assert one == other == repr(plain)
+    assert all(map(math.isfinite, row))

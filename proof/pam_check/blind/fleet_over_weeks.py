@@ -40,18 +40,10 @@ CORRUPT = "corrupt.csv.gz"
 
 @dataclass(frozen=True)
 class Story:
-    """What happens to the robot.
+    """What happens to the robot."""
 
-    Attributes
-    ----------
-    drift_from : float
-        Unix time from which its friction grows [s].
-    repaired_at : float
-        Unix time at which its leak is closed [s].
-    """
-
-    drift_from: float
-    repaired_at: float
+    drift_from: float  # unix time from which its friction grows [s]
+    repaired_at: float  # unix time at which its leak is closed [s]
 
     def friction(self, at: float) -> float:
         """Dry friction [N m] at a Unix time."""

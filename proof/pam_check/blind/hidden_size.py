@@ -11,27 +11,16 @@ from pam_check.blind.truth_plant import TruthJoint, TruthMuscle
 
 @dataclass(frozen=True, slots=True)
 class HiddenSize:
-    """One hidden effect, as a change of the true rig.
+    """One hidden effect, as a change of the true rig."""
 
-    Attributes
-    ----------
-    reason : str
-        Why this size.
-    muscles : tuple of mapping
-        Changed fields of the agonist and of the antagonist.
-    joint : mapping
-        Changed fields of the joint.
-    added_to_muscles, added_to_joint : mapping
-        What is added to fields of both muscles, and of the joint.
-    scaled_joint : mapping
-        Factors of fields of the joint.
-    """
-
-    reason: str
+    reason: str  # why this size
+    # changed fields of the agonist and of the antagonist
     muscles: tuple[Mapping[str, float], Mapping[str, float]] = ({}, {})
-    joint: Mapping[str, float] = field(default_factory=dict)
+    joint: Mapping[str, float] = field(default_factory=dict)  # changed fields of the joint
+    # added_to_muscles, added_to_joint: what is added to fields of both muscles, and of the joint
     added_to_muscles: Mapping[str, float] = field(default_factory=dict)
     added_to_joint: Mapping[str, float] = field(default_factory=dict)
+    # factors of fields of the joint
     scaled_joint: Mapping[str, float] = field(default_factory=dict)
 
     def applied(

@@ -51,31 +51,19 @@ class BuriedError(ValueError):
 
 @dataclass(frozen=True)
 class DrawnRoughRig:
-    """The true rig, and recordings of it.
+    """The true rig, and recordings of it."""
 
-    Attributes
-    ----------
-    joint, muscles, sensors, supply
-        Of the true rig.
-    recording, check : TruthRecording
-        Its recording, and one with another motion.
-    without : TruthRecording
-        The rig without its hidden effects, with the same commands.
-    strength : float
-        Of the hidden effects, above the background; 0 without effects.
-    strengths : tuple of float
-        Of each hidden effect alone.
-    """
-
+    # joint, muscles, sensors, supply: of the true rig
     joint: TruthJoint
     muscles: tuple[TruthMuscle, TruthMuscle]
     sensors: Sensors
     supply: SupplyWander
+    # recording, check: its recording, and one with another motion
     recording: TruthRecording
     check: TruthRecording
-    without: TruthRecording
-    strength: float
-    strengths: tuple[float, ...]
+    without: TruthRecording  # the rig without its hidden effects, with the same commands
+    strength: float  # of the hidden effects, above the background; 0 without effects
+    strengths: tuple[float, ...]  # of each hidden effect alone
 
 
 def alone(before: Draw, after: Draw, plain: Draw) -> Draw:
@@ -102,23 +90,12 @@ def layered(rigs: Sequence[Draw], plain: Draw) -> Draw:
 
 @dataclass(frozen=True)
 class Bench:
-    """Runs rigs of one kind through one motion, always with the same noise.
+    """Runs rigs of one kind through one motion, always with the same noise."""
 
-    Attributes
-    ----------
-    written : Rig
-        The rig as its file has it.
-    variety : Variety
-        Their kind.
-    run_plant : callable
-        Their plant.
-    sensors, supply, seed
-        The same for all of them.
-    """
-
-    written: Rig
-    variety: Variety
-    run_plant: RunPlant
+    written: Rig  # the rig as its file has it
+    variety: Variety  # their kind
+    run_plant: RunPlant  # their plant
+    # sensors, supply, seed: the same for all of them
     sensors: Sensors
     supply: SupplyWander
     seed: int

@@ -61,24 +61,12 @@ SAME = ("verdict", "stage", "effects", "indistinguishable")
 
 @dataclass(frozen=True, slots=True)
 class Campaign:
-    """A finished campaign whose diagnoses kept their evidence.
+    """A finished campaign whose diagnoses kept their evidence."""
 
-    Attributes
-    ----------
-    folder : Path
-        Folder of the campaign.
-    labels : list of mapping
-        Hidden effects of each case.
-    answers : mapping
-        Case -> diagnosis.json.
-    evidence : mapping
-        Case -> evidence that its diagnosis kept.
-    """
-
-    folder: Path
-    labels: list[dict[str, Any]]
-    answers: Answers
-    evidence: Mapping[str, Evidence[Score]]
+    folder: Path  # folder of the campaign
+    labels: list[dict[str, Any]]  # hidden effects of each case
+    answers: Answers  # case -> diagnosis.json
+    evidence: Mapping[str, Evidence[Score]]  # case -> evidence that its diagnosis kept
 
     @classmethod
     def read(cls, folder: Path) -> Campaign:
@@ -151,36 +139,18 @@ class Campaign:
 
 @dataclass(frozen=True, slots=True)
 class SensitivityRow:
-    """Result of one change of one constant.
+    """Result of one change of one constant."""
 
-    Attributes
-    ----------
-    entry : RuleEntry
-        The constant.
-    value : float
-        Its value after the change.
-    how : str
-        "decided again", "diagnosed again", "changes no verdict" or "not run".
-    cases : int
-        Number of cases.
-    counts : mapping
-        Score -> (hits, cases), as the blind check counts them.
-    before : mapping
-        The same counts with the constants in use, for the same cases.
-    moved : int
-        Number of cases whose verdict, stage, effects or sets differ.
-    inexact : int
-        Number of cases in which the new decision would need a fit that was not made.
-    """
-
-    entry: RuleEntry
-    value: float
-    how: str
-    cases: int = 0
+    entry: RuleEntry  # the constant
+    value: float  # its value after the change
+    how: str  # "decided again", "diagnosed again", "changes no verdict" or "not run"
+    cases: int = 0  # number of cases
+    # score -> (hits, cases), as the blind check counts them
     counts: Mapping[str, tuple[int, int]] = field(default_factory=dict)
+    # the same counts with the constants in use, for the same cases
     before: Mapping[str, tuple[int, int]] = field(default_factory=dict)
-    moved: int = 0
-    inexact: int = 0
+    moved: int = 0  # number of cases whose verdict, stage, effects or sets differ
+    inexact: int = 0  # number of cases in which the new decision would need a fit that was not made
 
 
 def same(first: Mapping[str, Any], second: Mapping[str, Any]) -> bool:

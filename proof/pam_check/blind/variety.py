@@ -49,33 +49,17 @@ MUSCLE_POWERS = {
 
 @dataclass(frozen=True, slots=True)
 class Variety:
-    """How a drawn rig differs from an elbow.
+    """How a drawn rig differs from an elbow."""
 
-    Attributes
-    ----------
-    scale : float
-        Length scale.
-    flow, mass : float
-        Factors on the conductance of the valves and on the inertia.
-    horizontal : bool
-        Whether gravity does not act.
-    second : float
-        Lengths of the second muscle over those of the first.
-    slow : bool
-        Whether the motions have slow parts only.
-    rows : int
-        One row in so many is logged.
-    regulator_time : float
-        Time constant of pressure regulators in place of flow valves [s]; 0 without.
-    """
-
-    scale: float = 1.0
+    scale: float = 1.0  # length scale
+    # flow, mass: factors on the conductance of the valves and on the inertia
     flow: float = 1.0
     mass: float = 1.0
-    horizontal: bool = False
-    second: float = 1.0
-    slow: bool = False
-    rows: int = 1
+    horizontal: bool = False  # whether gravity does not act
+    second: float = 1.0  # lengths of the second muscle over those of the first
+    slow: bool = False  # whether the motions have slow parts only
+    rows: int = 1  # one row in so many is logged
+    # time constant of pressure regulators in place of flow valves [s]; 0 without
     regulator_time: float = 0.0
 
     @property

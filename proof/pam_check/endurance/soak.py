@@ -61,45 +61,26 @@ class Lag:
 
 @dataclass(slots=True)
 class SoakResult:
-    """Result of a soak test.
+    """Result of a soak test."""
 
-    Attributes
-    ----------
-    seconds : float
-        Virtual time with air flow [s].
-    elapsed : float
-        Processor time [s].
-    before, after : Use
-        Resources of the process after a tenth of the run and at the end.
-    stamps, times : Lag
-        Lag of stamps behind the wall clock, and of sample times behind the monotonic clock.
-    heartbeats, missed_heartbeats : int
-        Received heartbeats, and those that are missing between them.
-    refused : int
-        Commands that the driver or the boards refused.
-    frames_lost : int
-        Lost measurement frames.
-    worst_error : float
-        Largest deviation of an angle from its reference after the first second [rad].
-    stopped : str
-        Why the run ended early; empty if it did not.
-    interrupted : bool
-        Whether the user ended the run.
-    """
-
-    seconds: float
-    elapsed: float
+    seconds: float  # virtual time with air flow [s]
+    elapsed: float  # processor time [s]
+    # before, after: resources of the process after a tenth of the run and at the end
     before: Use
     after: Use
+    # stamps, times: lag of stamps behind the wall clock, and of sample times behind the monotonic
+    # clock
     stamps: Lag
     times: Lag
+    # heartbeats, missed_heartbeats: received heartbeats, and those that are missing between them
     heartbeats: int
     missed_heartbeats: int
-    refused: int
-    frames_lost: int
+    refused: int  # commands that the driver or the boards refused
+    frames_lost: int  # lost measurement frames
+    # largest deviation of an angle from its reference after the first second [rad]
     worst_error: float
-    stopped: str
-    interrupted: bool = False
+    stopped: str  # why the run ended early; empty if it did not
+    interrupted: bool = False  # whether the user ended the run
 
     def problems(self) -> list[str]:
         """The results that are out of bounds, one line each."""

@@ -42,6 +42,7 @@ STEP: Final = 1e-3
 MODEL_STEPS: Final = 10  # between two estimates
 STATE_STEPS: Final = 50  # between two messages of the driver's state
 AMPLITUDE, FREQUENCY = 0.35, 0.6  # amplitude and frequency of the motion [rad], [Hz]
+TOP_SPEED = 2.0 * math.pi * FREQUENCY * AMPLITUDE  # of this motion [rad/s]
 START_UP = 0.5
 # Time of a message from process to process: least, mean beyond it, and most [s].
 MESSAGE_TIME = (4e-4, 3e-4, 4e-3)

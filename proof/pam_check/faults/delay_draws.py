@@ -48,37 +48,20 @@ TRACKS, STOPS, NEITHER = "tracks", "stops", "neither"
 
 @dataclass(slots=True)
 class DelayDraw:
-    """One draw and what followed.
+    """One draw and what followed."""
 
-    Attributes
-    ----------
-    place : str
-        Where messages are delayed, by the name of the fault.
-    delay : float
-        [s].
-    effect : str
-        The hidden effect.
-    outcome : str
-        `TRACKS`, `STOPS` or `NEITHER`.
-    peak_speed : float
-        Largest true speed of the first joint [rad/s].
-    peak_error, last_error : float
-        Largest true angle error while air moves, in all and in the last second [rad].
-    by : str
-        What stopped it.
-    alone : str
-        What followed without the delay: `TRACKS`, `STOPS` or `NEITHER`; only asked where a delay
-        below `BORNE` was not borne, else empty.
-    """
-
-    place: str
-    delay: float
-    effect: str
-    outcome: str = NEITHER
-    peak_speed: float = 0.0
+    place: str  # where messages are delayed, by the name of the fault
+    delay: float  # [s]
+    effect: str  # the hidden effect
+    outcome: str = NEITHER  # `TRACKS`, `STOPS` or `NEITHER`
+    peak_speed: float = 0.0  # largest true speed of the first joint [rad/s]
+    # peak_error, last_error: largest true angle error while air moves, in all and in the last
+    # second [rad]
     peak_error: float = 0.0
     last_error: float = 0.0
-    by: str = ""
+    by: str = ""  # what stopped it
+    # what followed without the delay: `TRACKS`, `STOPS` or `NEITHER`; only asked where a delay
+    # below `BORNE` was not borne, else empty
     alone: str = ""
 
     def problem(self, bounds: RigBounds) -> str:

@@ -65,24 +65,12 @@ Row = tuple[str, str, str, str, str, str]
 
 @dataclass(frozen=True, slots=True)
 class Observation:
-    """Observed reaction to one fault.
+    """Observed reaction to one fault."""
 
-    Attributes
-    ----------
-    stopped : bool
-        Whether the air flow has stopped.
-    silent : bool
-        Whether no node was left that could report it.
-    after : float
-        Time from the fault to the last report of air flow [s].
-    diagnostics : str
-        Text of the driver's diagnostics.
-    """
-
-    stopped: bool
-    silent: bool
-    after: float
-    diagnostics: str
+    stopped: bool  # whether the air flow has stopped
+    silent: bool  # whether no node was left that could report it
+    after: float  # time from the fault to the last report of air flow [s]
+    diagnostics: str  # text of the driver's diagnostics
 
 
 class Operator(Protocol):

@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from pam_check.faults.chain import AMPLITUDE, STEP, FaultChain
+from pam_check.faults.chain import AMPLITUDE, STEP, TOP_SPEED, FaultChain
 from pam_check.faults.injections import INJECTIONS
 from pam_check.faults.rig_bounds import EMPTY, RigBounds, bounds_of
 from pam_check.faults.unavoidable_speed import (
@@ -18,6 +18,7 @@ from pam_check.faults.unavoidable_speed import (
     burst_speed,
     stuck_valve_speed,
 )
+from pam_control.settings import ControlSettings
 from pam_driver.safety.states import SafetyState
 from pam_model.rig import Rig
 from pam_model.robot import compose
@@ -29,6 +30,7 @@ from pam_sim.faults.size_of_faults import ranges_on
 AFTERWARDS = 0.3  # s, to check that the valves stay vented
 SETTLING = 1.0  # s after the muscles are empty, for a joint that still swings
 AT_REST = 0.05  # rad/s
+GUARD_WAITS = ControlSettings().tracking_time  # s, with an error above max_tracking_error
 ERROR_ALLOWED = 0.1  # rad, while the joint continues or until it stops
 THROWN_ALLOWED = 0.05  # rad, of a joint that is lowered: it may sink, and not be thrown up
 # One draw in this many is an end of the range, where the slowest and hardest cases are.
@@ -69,6 +71,9 @@ class Trial:
         The true angle that was farthest from 0 [rad].
     peak_error : float
         Largest deviation of the angle from its reference while air flowed [rad].
+    off_since, off_for : float
+        Since when this deviation is above `max_tracking_error` (infinite if it is not), and the
+        longest time for which it was [s].
     message : str
         What the driver said, if the kind demands a message that names device and object.
     problem : str
@@ -89,6 +94,8 @@ class Trial:
     thrown: float = 0.0
     farthest: float = 0.0
     peak_error: float = 0.0
+    off_since: float = math.inf
+    off_for: float = 0.0
     message: str = ""
     problem: str = ""
 
@@ -172,8 +179,11 @@ def _note(trial: Trial, chain: FaultChain, seen: set[str]) -> None:
     trial.peak_speed = max(trial.peak_speed, *map(abs, truth.velocities))
     trial.farthest = max(trial.farthest, truth.positions[0], key=abs)
     follows = chain.driver.state is SafetyState.ACTIVE and not chain.driver.lowers
-    if chain.moves_air and follows:
-        trial.peak_error = max(trial.peak_error, abs(truth.positions[0] - chain.reference))
+    error = abs(truth.positions[0] - chain.reference) if chain.moves_air and follows else 0.0
+    trial.peak_error = max(trial.peak_error, error)
+    off = error > chain.rig.joints[0].max_tracking_error
+    trial.off_since = min(trial.off_since, chain.now) if off else math.inf
+    trial.off_for = max(trial.off_for, chain.now - trial.off_since)
     for claim in chain.claims:
         trial.problem = trial.problem or claim()
 
@@ -238,9 +248,17 @@ def problem_of(chain: FaultChain, kind: FaultKind, trial: Trial) -> str:
     ):
         reasons = "; ".join(str(fault) for fault in chain.driver.faults)
         return f"stopped: {reasons or chain.driver.state.value}"
+    return _error_problem(kind, trial, bounds) or _motion_problem(
+        kind, trial, bounds, speed_bound(kind, trial.values, chain.rig, bounds)
+    )
+
+
+def _error_problem(kind: FaultKind, trial: Trial, bounds: RigBounds) -> str:
     if trial.peak_error > error_bound(kind, bounds):
         return f"angle off by {trial.peak_error:.3f} rad"
-    return _motion_problem(kind, trial, bounds, speed_bound(kind, trial.values, chain.rig, bounds))
+    if kind.stays is Stays.TRACKING and trial.off_for > GUARD_WAITS + STEP:
+        return f"angle off by more than {bounds.tracking_error:g} rad for {trial.off_for:.2f} s"
+    return ""
 
 
 def _venting_problem(kind: FaultKind, trial: Trial, bounds: RigBounds) -> str:
@@ -297,11 +315,14 @@ def error_bound(kind: FaultKind, bounds: RigBounds) -> float:
 
     During a fault that is tolerated, or that may end either way, the joint stays near its
     reference. A fault that must vent may first take the joint as far away as the rig file permits
-    it to be for a time. If there are two sources of valid commands, it is unknown which one is
+    it to be. Where the controller stops a joint that lags, the reference goes on until it does
+    (`GUARD_WAITS`). If there are two sources of valid commands, it is unknown which one is
     right; then the joint may move anywhere within its position limits.
     """
     if kind.stays is Stays.IN_LIMITS:
         return max(map(abs, bounds.position)) + AMPLITUDE + ERROR_ALLOWED
-    if kind.stays is Stays.TRACKING or kind.reaction in STOPS:
+    if kind.stays is Stays.TRACKING:
+        return bounds.tracking_error + TOP_SPEED * GUARD_WAITS
+    if kind.reaction in STOPS:
         return bounds.tracking_error
     return ERROR_ALLOWED

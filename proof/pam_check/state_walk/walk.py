@@ -21,18 +21,10 @@ MOST_STATES: Final = 500_000
 
 @dataclass(frozen=True, slots=True)
 class Violation:
-    """Air that moves although it must not.
+    """Air that moves although it must not."""
 
-    Attributes
-    ----------
-    complaint : str
-        What is wrong.
-    path : tuple of str
-        The shortest sequence of acts that leads there.
-    """
-
-    complaint: str
-    path: tuple[str, ...]
+    complaint: str  # what is wrong
+    path: tuple[str, ...]  # the shortest sequence of acts that leads there
 
     def __str__(self) -> str:
         steps = "\n".join(f"  {number}. {act}" for number, act in enumerate(self.path, 1))
@@ -41,25 +33,14 @@ class Violation:
 
 @dataclass(frozen=True, slots=True)
 class Walk:
-    """The result of a walk.
+    """The result of a walk."""
 
-    Attributes
-    ----------
-    states, transitions : int
-        Number of different states, and of possible acts in all of them.
-    moving : int
-        Number of states in which air moves.
-    driver_states : tuple of str
-        States of the driver that were reached.
-    violations : tuple of Violation
-        The first of each kind, the shortest path first.
-    """
-
+    # states, transitions: number of different states, and of possible acts in all of them
     states: int
     transitions: int
-    moving: int
-    driver_states: tuple[str, ...]
-    violations: tuple[Violation, ...]
+    moving: int  # number of states in which air moves
+    driver_states: tuple[str, ...]  # states of the driver that were reached
+    violations: tuple[Violation, ...]  # the first of each kind, the shortest path first
 
 
 def walk(

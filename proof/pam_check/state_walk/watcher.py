@@ -29,33 +29,17 @@ _CLOSING: Final = LONGEST - 1
 
 @dataclass(slots=True)
 class Watcher:
-    """The memory of one path.
+    """The memory of one path."""
 
-    Attributes
-    ----------
-    asked : bool
-        The driver was asked at its start to activate itself, and nothing has stopped it since.
-    activated_at : float or None
-        When the driver was activated [s]; None: not since the last stop; 0: it no longer matters.
-    fresh : bool
-        A command that was computed after the activation has been accepted.
-    faulty : bool
-        There was a fault that nobody has cleared.
-    old_reference : bool
-        The last accepted reference is from before a stop.
-    board_forgot : bool
-        The board has lost its power and has not latched a fault since.
-    closing_until : float
-        Until when the valves may still be open after a stop [s].
-    """
-
+    # the driver was asked at its start to activate itself, and nothing has stopped it since
     asked: bool = False
+    # when the driver was activated [s]; None: not since the last stop; 0: it no longer matters
     activated_at: float | None = None
-    fresh: bool = False
-    faulty: bool = False
-    old_reference: bool = True
-    board_forgot: bool = False
-    closing_until: float = 0.0
+    fresh: bool = False  # a command that was computed after the activation has been accepted
+    faulty: bool = False  # there was a fault that nobody has cleared
+    old_reference: bool = True  # the last accepted reference is from before a stop
+    board_forgot: bool = False  # the board has lost its power and has not latched a fault since
+    closing_until: float = 0.0  # until when the valves may still be open after a stop [s]
     complaint: str = ""
 
     def stops(self, system: System) -> None:

@@ -22,7 +22,10 @@ class MachineCodeCache(FunctionCache):  # type: ignore[misc]
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """The compiled function for a signature; None if it has to be compiled."""
         try:
-            return super().load_overload(sig, target_context)
+            # numba first imports all that it can compile (0.5 s and 100 MB), which what is already
+            # compiled does not need
+            with self._guard_against_spurious_io_errors():
+                return self._load_overload(sig, target_context)
         except Exception:  # pickle raises nearly anything for a damaged file
             with contextlib.suppress(OSError):
                 self.flush()  # else the damaged index would be read again when it is saved

@@ -266,7 +266,7 @@ class FlowAdaptation:
     def update(self) -> None:
         """Learn from the filtered samples; due when `V_SINCE` has reached `EVERY`."""
         v = self._v
-        smooth = [float(each) for each in v[V_SMOOTH : V_SMOOTH + N_SMOOTH]]
+        smooth = list(map(float, v[V_SMOOTH : V_SMOOTH + N_SMOOTH]))
         slow, shown, lost, up, down, _, moved = smooth[:7]
         per_rate, since = float(v[V_PER_RATE]), float(v[V_SINCE])
         known = self.tube.share > 0.0

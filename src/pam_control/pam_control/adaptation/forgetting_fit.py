@@ -38,7 +38,8 @@ class ForgettingFit(ABC):
     def __init__(self, take: Callable[..., None], threshold: float) -> None:
         self._take, self._comparison = take, RunningComparison(threshold)
         self.forget()
-        prepare(take, *self._arguments, self._used, 0.0, 0.0, 0.0)
+        self._functions = for_kernel(np.zeros(len(self._used)))
+        prepare(take, *self._arguments, self._functions, 0.0, 0.0, 0.0)
 
     @abstractmethod
     def _begin(self) -> tuple[Any, ...]:
@@ -59,8 +60,9 @@ class ForgettingFit(ABC):
         if duration <= 0.0:
             return
         comparison = self._comparison
-        expected = sum(w * each for w, each in zip(listed(self._used), functions, strict=True))
-        comparison.update(expected, value, duration)
+        comparison.update(math.sumprod(listed(self._used), functions), value, duration)
         kept = math.exp(-duration / comparison.memory(MEMORY))
-        self._take(*self._arguments, for_kernel(np.array(functions)), value, duration, kept)
-        self.weights = [comparison.share * weight for weight in listed(self._used)]
+        self._functions[:] = functions
+        self._take(*self._arguments, self._functions, value, duration, kept)
+        share, used = comparison.share, listed(self._used)
+        self.weights = used.copy() if share == 1.0 else [share * weight for weight in used]

@@ -14,14 +14,13 @@ Source: Bayesian linear regression, C. M. Bishop, Pattern Recognition and Machin
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
 
-from pam_control.adaptation.forgetting_fit import MEMORY
+from pam_control.adaptation.fading_sums import FadingSums
 from pam_control.adaptation.normal_equations import Array
 
 NOISE: Final = 5e-4  # of the largest torque; the fit cannot be better
@@ -105,49 +104,6 @@ class RigNumbers:
     evidence: float
 
 
-class FadingSums:
-    """Sums of a least-squares fit that forgets.
-
-    Parameters
-    ----------
-    size : int
-        Number of parts.
-
-    Attributes
-    ----------
-    products, targets : ndarray
-        Shapes (size, size) and (size,).
-    seconds : float
-        Motion in them [s].
-    """
-
-    def __init__(self, size: int) -> None:
-        self.products, self.targets = np.zeros((size, size)), np.zeros(size)
-        self.seconds = self._squares = 0.0
-
-    def add(self, parts: Array, target: float, elapsed: float) -> None:
-        """Take a target and its parts after a time [s]."""
-        self.fade(math.exp(-elapsed / MEMORY))
-        self.products += elapsed * np.outer(parts, parts)
-        self.targets += elapsed * target * parts
-        self._squares += elapsed * target * target
-        self.seconds += elapsed
-
-    def fade(self, share: float) -> None:
-        """Let what was seen count less."""
-        self.products *= share
-        self.targets *= share
-        self._squares *= share
-        self.seconds *= share
-
-    def left(self, found: Array) -> float:
-        """Root mean square of what these weights leave of the target."""
-        if self.seconds <= 0.0:
-            return 0.0
-        left = self._squares - 2.0 * found @ self.targets + found @ self.products @ found
-        return math.sqrt(max(float(left), 0.0) / self.seconds)
-
-
 def fitted_numbers(
     sums: FadingSums, prior: Array, places: Sequence[Place], largest: float
 ) -> RigNumbers:
@@ -166,16 +122,17 @@ def fitted_numbers(
         Torque that the muscles can give at most [N m].
     """
     count = len(places) - len(LOAD_DEVIATIONS) - 1
-    free = np.zeros_like(sums.products)
+    products, targets = sums.products, sums.targets
+    free = np.zeros_like(products)
     free[:count, :count] = prior[:count, :count]
     deviations = np.array([*LOAD_DEVIATIONS, DRY_DEVIATION * largest])
     free[count:, count:] = np.diag(1.0 / deviations**2)
-    found, noise, gain = np.zeros_like(sums.targets), NOISE * largest, 0.0
+    found, noise, gain = np.zeros_like(targets), NOISE * largest, 0.0
     covariance: Array = np.linalg.inv(free)
     for _ in range(ROUNDS):
         gain = 1.0 / (LIKE_FOR * noise * noise)
-        covariance = np.linalg.inv(free + gain * sums.products)
-        found = covariance @ (gain * sums.targets)
+        covariance = np.linalg.inv(free + gain * products)
+        found = covariance @ (gain * targets)
         noise = max(NOISE * largest, sums.left(found))
     halves = QUANTILE * np.sqrt(np.diag(covariance))
     numbers = []
@@ -189,5 +146,5 @@ def fitted_numbers(
         sums.seconds,
         sums.left(found),
         UNEXPLAINED * largest,
-        float(gain * found @ sums.targets),
+        float(gain * found @ targets),
     )

@@ -22,38 +22,47 @@ Source: Bayesian linear regression, C. M. Bishop, Pattern Recognition and Machin
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
+from pam_control.adaptation.fading_sums import FadingSums
 from pam_control.adaptation.motion_functions import begin_memory, element, move_memory
-from pam_control.adaptation.normal_equations import CORRELATED, Array
+from pam_control.adaptation.normal_equations import Array
 from pam_control.adaptation.rig_numbers import (
     NOISE,
     QUANTILE,
     UNEXPLAINED,
-    FadingSums,
     RigNumbers,
     fitted_numbers,
+)
+from pam_control.adaptation.stiffness_fit import (
+    ABOUT,
+    FOUND,
+    N_FILTERS,
+    N_WEIGHTS,
+    solve_changes,
+    take_torques,
 )
 from pam_control.adaptation.varied_joint import VariedJoint
 from pam_control.limited import limited
 from pam_control.rows.plan_rows import N_MEMORY
 from pam_model.errors import PamError
 from pam_model.joints.joint_statics import JointStatics
+from pam_model.plant.compiled import for_kernel, prepare
 from pam_model.views.inverse_dynamics import InverseDynamics
 
-FILTER: Final = 0.03  # s, of both filters
 SETTLING: Final = 0.3  # s, until they have forgotten how they began
 EVERY: Final = 0.02  # s between two updates
 SOLVED_EVERY: Final = 5  # updates; what is found changes within seconds
 LONGEST_STEP: Final = 0.1  # s; after a longer pause the filters begin anew
-SLOWEST: Final = 0.04  # rad/s; friction may be anything in a joint that stands still
 LINEAR_FOR: Final = 0.7  # s of motion, after which the derivatives are taken anew
 LINEAR_WITHIN: Final = 1e-3  # relative; so near to where they were taken they hold
 BENT: Final = 1.5  # of the noise; the fit leaves more where the derivatives do not hold
+PARTS_PER_SECOND: Final = 500.0  # of models that are built
+IN_A_PART: Final = 4  # pulls that are computed in one cycle
 OLD_SHARE: Final = 0.1  # of what was seen with other derivatives
 DIFFERENCE: Final = 1e-3  # relative step of the derivatives
 MOST: Final = 1.15  # by which a stiffness command is corrected
@@ -110,27 +119,41 @@ class StiffnessEstimate:
     ) -> None:
         self._joint, self._written, self._turn = joint, model, turn
         self._dynamics, self._largest = dynamics, largest
+        self._inertia = float(dynamics.moving_torque(0.0, 1.0))
+        self._damping = float(dynamics.moving_torque(1.0, 0.0))
         deviation = joint.tolerance / math.sqrt(3.0)
         size = len(joint.numbers) + 3  # with inertia, friction and gravity
-        self._prior = np.eye(size) / max(deviation, 1e-6) ** 2
+        self._prior_weight = 1.0 / max(deviation, 1e-6) ** 2
+        self._prior = self._prior_weight * np.eye(size)
         self._slip = [0.0] * N_MEMORY
+        self._inputs, self._parts = (for_kernel(np.zeros(n)) for n in (size + 1, size + 1))
+        self._filters = for_kernel(np.zeros((N_FILTERS, size + 1)))
         self.forget()
         self.restart()
+        sums = self._tolerance.rows
+        prepare(
+            take_torques, self._inputs, self._filters, 0.0, 0.0, 0.0, False, False, self._parts,
+            *sums, *self._load.rows,
+        )  # fmt: skip
+        prepare(solve_changes, *sums, self._weights, self._factor, 0.0, 0.0, 0)
 
     def forget(self) -> None:
         """Nothing is known but the rig file."""
         size = len(self._prior)
         self._tolerance = FadingSums(size)
         self._load = FadingSums(size + 1)  # with dry friction, and with what was seen elsewhere
-        self._found, self._covariance = np.zeros(size), np.linalg.inv(self._prior)
+        self._weights: Any = for_kernel(np.zeros((N_WEIGHTS, size)))
+        self._factor = for_kernel(np.diag(np.sqrt(np.diag(self._prior))))
         self._unsolved = 0
-        self._linearise()
-        while self._coming is not None:
-            self._build_next()
+        self._sample: Iterator[None] | None = None
+        for _ in self._linearise():
+            pass
+        self._derivatives: Iterator[None] | None = None
 
     def restart(self) -> None:
         """Begin the filters anew; what was learnt is kept."""
-        self._filtered: tuple[Array, Array, Array] | None = None
+        self._filtering = False
+        self._sample = None
         begin_memory(self._slip, 0)
         self.since, self._settling = -self._turn * EVERY, SETTLING
 
@@ -144,10 +167,19 @@ class StiffnessEstimate:
         """RMS torque that the fit leaves [N m]."""
         return self._tolerance.left(self._found)
 
+    @property
+    def _found(self) -> Array:
+        return np.array(self._weights[FOUND])
+
+    @property
+    def rebuilds(self) -> bool:
+        """Whether models for other derivatives are being built."""
+        return self._derivatives is not None
+
     def learn(
         self, step: float, pressures: Sequence[float], position: float, known: float = 0.0
     ) -> None:
-        """Take a measurement.
+        """Take a measurement; `go_on` learns from it, or the next call.
 
         Parameters
         ----------
@@ -164,86 +196,121 @@ class StiffnessEstimate:
         self.since += max(step, 0.0)
         if self.since < EVERY or not all(map(math.isfinite, (*pressures, position))):
             return
-        if self._coming is not None:
-            self._build_next()
+        while self._sample is not None:
+            self.go_on()
         if not self._low <= position <= self._high:
             return
         elapsed, self.since = self.since, 0.0
-        torque = self._model.torque(pressures, position)
-        parts = np.array([each.torque(pressures, position) - torque for each in self._changed])
-        parts /= DIFFERENCE
-        # as if the model were that of the rig file, so that the changes are counted from it
-        torque += known - float(parts @ self._about)
-        move_memory(self._slip, 0, position, elapsed)
-        dry = element(self._slip, 0, 0)
-        raw = np.array([torque, *parts, dry, self._dynamics.gravity(position), position])
-        if self._filtered is None or elapsed > LONGEST_STEP:
-            self._filtered, self._settling = (raw, raw, raw), SETTLING
-            return
-        before, once_before, twice_before = self._filtered
-        once = _trapezoid(once_before, before, raw, elapsed)
-        twice = _trapezoid(twice_before, once_before, once, elapsed)
-        self._filtered = (raw, once, twice)
-        speed = float(once[-1] - twice[-1]) / FILTER
-        acceleration = float(raw[-1] - 2.0 * once[-1] + twice[-1]) / FILTER**2
-        self._settling -= elapsed
-        if abs(speed) > SLOWEST and self._settling < 0.0:
-            self._update(twice, speed, acceleration, elapsed)
+        self._sample = self._learn(elapsed, pressures, position, known)
 
-    def _update(self, now: Array, speed: float, acceleration: float, elapsed: float) -> None:
-        inertia = self._dynamics.moving_torque(0.0, acceleration)
-        damping = self._dynamics.moving_torque(speed, 0.0)
-        gravity = now[-2]
-        # muscles + parts * changes = (1 + change) inertia + ... ; what lacks is on the left
-        parts = np.concatenate((-now[1:-3], [inertia, damping, gravity, now[-3]]))
-        target = float(now[0]) - inertia - damping - gravity
-        self._load.add(parts, target, elapsed)
-        sums = self._tolerance
-        sums.add(parts[:-1], target, elapsed)
+    def go_on(self) -> None:
+        """Do a part of what is to be done with the last measurement; a whole would take long."""
+        if self._sample is not None and next(self._sample, self) is self:
+            self._sample = None
+
+    def rebuild(self, step: float) -> None:
+        """Do what a cycle [s] has time for at the models for other derivatives."""
+        for _ in range(max(1, round(step * PARTS_PER_SECOND))):
+            if self._derivatives is not None and next(self._derivatives, self) is self:
+                self._derivatives = None
+
+    def _learn(
+        self, elapsed: float, pressures: Sequence[float], position: float, known: float
+    ) -> Iterator[None]:
+        inputs, about, pulls = self._inputs, self._about, []
+        for number, (muscle, joint) in enumerate(self._distinct):
+            if number % IN_A_PART == 0:
+                yield
+            pulls.append(joint.tension(muscle, pressures[muscle], position))
+        yield
+        torque, *others = (
+            each.torque_of([pulls[place] for place in places])
+            for each, places in zip((self._model, *self._changed), self._places, strict=True)
+        )
+        whole = torque + known
+        for number, (other, at) in enumerate(zip(others, about, strict=True)):
+            slope = (other - torque) / DIFFERENCE
+            inputs[1 + number] = slope
+            # as if the model were that of the rig file, so that the changes are counted from it
+            whole -= slope * at
+        move_memory(self._slip, 0, position, elapsed)
+        inputs[0], count = whole, 1 + len(about)
+        inputs[count] = element(self._slip, 0, 0)
+        inputs[count + 1] = self._dynamics.gravity(position)
+        inputs[count + 2] = position
+        begins = not self._filtering or elapsed > LONGEST_STEP
+        self._filtering = True
+        if begins:
+            self._settling = SETTLING
+        else:
+            self._settling -= elapsed
+        counted = take_torques(
+            self._inputs, self._filters, elapsed, self._inertia, self._damping, begins,
+            self._settling < 0.0, self._parts, *self._tolerance.rows, *self._load.rows,
+        )  # fmt: skip
+        if not counted:
+            return
         self._moved += elapsed
         self._unsolved += 1
         if self._unsolved >= SOLVED_EVERY:
+            yield
             self._solve()
 
     def _solve(self) -> None:
         """Find the changes that explain what was seen; take the derivatives there if need be."""
-        sums, self._unsolved = self._tolerance, 0
-        noise = max(NOISE * self._largest, self.unexplained)
-        gain = 1.0 / (CORRELATED * noise * noise)
-        self._covariance = np.linalg.inv(self._prior + gain * sums.products)
-        self._found = self._covariance @ (gain * sums.targets)
-        change = np.abs(self._found[: len(self._about)] - self._about).max()
-        bent = self.unexplained > BENT * NOISE * self._largest
-        if self._moved >= LINEAR_FOR and change > LINEAR_WITHIN and bent and self._coming is None:
-            self._linearise()
+        self._unsolved = 0
+        change, left = solve_changes(
+            *self._tolerance.rows, self._weights, self._factor, self._prior_weight,
+            NOISE * self._largest, len(self._about),
+        )  # fmt: skip
+        bent = left > BENT * NOISE * self._largest
+        if self._moved >= LINEAR_FOR and change > LINEAR_WITHIN and bent and not self.rebuilds:
+            self._derivatives = self._linearise()
 
-    def _linearise(self) -> None:
-        """Begin to compute the derivatives where the fit is now."""
-        self._coming: Array | None = self._found[: len(self._joint.numbers)].copy()
-        self._built: list[JointStatics] = []
+    def _linearise(self) -> Iterator[None]:
+        """Compute the derivatives where the fit is now, bit by bit.
 
-    def _build_next(self) -> None:
-        """Build one of the models for the coming derivatives; all at once would delay a cycle.
-
-        With the last one, the derivatives are used; what was found with others counts less.
+        With the last model, the derivatives are used; what was found with others counts less.
         """
-        assert self._coming is not None
-        changes = self._coming.copy()
-        if self._built:
-            changes[len(self._built) - 1] += DIFFERENCE
-        try:
-            self._built.append(self._joint.changed(changes.tolist()))
-        except PamError:  # a rig at the edge of what is possible
-            self._coming, self._built = np.zeros(len(self._joint.numbers)), []
-            return
-        if len(self._built) > len(self._joint.numbers):
-            self._about, self._coming = self._coming, None
-            self._model, *self._changed = self._built
-            # at the ends of the range of one model, another one may not be defined
-            ranges = [each.position_range for each in (self._written, *self._built)]
-            self._low, self._high = max(low for low, _ in ranges), min(high for _, high in ranges)
-            self._moved = 0.0
-            self._tolerance.fade(OLD_SHARE)
+        about, count = self._found[: len(self._joint.numbers)], len(self._joint.numbers)
+        built: list[JointStatics] = []
+        while len(built) <= count:
+            changes = about.copy()
+            if built:
+                changes[len(built) - 1] += DIFFERENCE
+            try:
+                for part in self._joint.changed(changes.tolist()):
+                    if part is not None:
+                        built.append(part)
+                    yield
+            except PamError:  # a rig at the edge of what is possible
+                about, built = np.zeros(count), []
+        while self._sample is not None:  # of the former derivatives
+            self.go_on()
+        self._about: list[float] = about.tolist()
+        self._weights[ABOUT][:count] = self._about
+        self._model, *self._changed = built
+        self._share_pulls(built)
+        # at the ends of the range of one model, another one may not be defined
+        ranges = [each.position_range for each in (self._written, *built)]
+        self._low, self._high = max(low for low, _ in ranges), min(high for _, high in ranges)
+        self._moved = 0.0
+        self._tolerance.fade(OLD_SHARE)
+
+    def _share_pulls(self, built: Sequence[JointStatics]) -> None:
+        """Find the pulls that differ between the models: most have a muscle that is unchanged."""
+        found: dict[tuple[int, float, int], int] = {}
+        self._distinct: list[tuple[int, JointStatics]] = []
+        self._places: list[list[int]] = []
+        for joint in built:
+            places = []
+            for number, (muscle, arm) in enumerate(zip(joint.muscles, joint.arms, strict=True)):
+                key = number, arm, id(muscle)
+                if key not in found:
+                    found[key] = len(self._distinct)
+                    self._distinct.append((number, joint))
+                places.append(found[key])
+            self._places.append(places)
 
     def numbers(self) -> RigNumbers:
         """The numbers that the rig file of this joint should have, a load and friction included."""
@@ -276,15 +343,10 @@ class StiffnessEstimate:
             slopes[index] = (each.stiffness(pressures, position) - here) / DIFFERENCE
         learnt = self.explains
         if learnt:
-            value = here + float(slopes[: len(self._about)] @ (self._found[:-3] - self._about))
-            covariance = self._covariance
+            value = here + float(slopes[:-3] @ (self._found[:-3] - np.array(self._about)))
+            factor = np.tril(np.array(self._factor))
         else:
             value = self._written.stiffness(pressures, position)
-            covariance = np.linalg.inv(self._prior)
-        half = QUANTILE * math.sqrt(float(slopes @ covariance @ slopes))
+            factor = np.sqrt(self._prior)
+        half = QUANTILE * float(np.linalg.norm(np.linalg.solve(factor, slopes)))
         return Stiffness(value, value - half, value + half, learnt)
-
-
-def _trapezoid(filtered: Array, before: Array, now: Array, step: float) -> Array:
-    """The filter 1/(T s + 1) after a step [s] between two values of its input."""
-    return ((2.0 * FILTER - step) * filtered + step * (before + now)) / (2.0 * FILTER + step)

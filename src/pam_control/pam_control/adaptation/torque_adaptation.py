@@ -244,8 +244,7 @@ class TorqueAdaptation:
     def _use(self) -> None:
         """Let the control cycle use what the fit has found."""
         weights, row = self._fit.weights, self._row
-        for place in range(N_FUNCTIONS):
-            row[A_WEIGHTS + place] = weights[place]
+        row[A_WEIGHTS : A_WEIGHTS + N_FUNCTIONS] = weights
         row[A_KNOWS], row[A_FRICTION] = float(any(weights)), self._dry_friction()
         # a wrong delay is an error of the position itself: the median of what is believed
         likely, wanted = self._fit.certainty(DELAY), 0.0
@@ -322,10 +321,8 @@ class TorqueAdaptation:
         """Values of the functions, the torque that they should explain [N m], speed [rad/s]."""
         row = self._row
         # the difference below is the acceleration half a period ago
-        pairs = zip(
-            row[A_BEFORE : A_BEFORE + N_SAMPLE], row[A_TWICE : A_TWICE + N_SAMPLE], strict=True
-        )
-        smooth = [0.5 * float(before + now) for before, now in pairs]
+        before, now = (map(float, row[at : at + N_SAMPLE]) for at in (A_BEFORE, A_TWICE))
+        smooth = [0.5 * (one + other) for one, other in zip(before, now, strict=True)]
         once, twice = float(row[A_SPEED_ONCE]), float(row[A_SPEED_TWICE])
         speed, push = 0.5 * (float(row[A_SPEED_BEFORE]) + twice), (once - twice) / FILTER
         model = self._damping * speed + self._inertia * push

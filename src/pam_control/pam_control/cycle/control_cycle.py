@@ -67,6 +67,7 @@ class ControlCycle:
             JointChannel(models, tuple(loops[k] for k in owned), setup, self._rows, state)
             for models, owned, setup, state in zip(joints, table.owned, setups, states, strict=True)
         ]
+        self._positions = for_kernel(np.zeros(len(joints)))
         self._sinks = False  # the air is let out slowly
         self.use(setups)
         self._compile()
@@ -75,10 +76,23 @@ class ControlCycle:
         """Let no cycle wait for machine code."""
         rows, valves, references = self._rows, self._valves, self._references.limited_references
         w, x, k, u, d, owned = rows.w, rows.x, rows.k, rows.u, valves.demands, self._table.owned
-        positions = for_kernel(np.zeros(len(self.channels)))
         history, ends = references.history, references.ends
         prepare(
-            sense, owned, w, x, k, u, d, valves.state, history, ends, positions, 0.0, 0.0, 0.0, 0.0
+            sense,
+            owned,
+            w,
+            x,
+            k,
+            u,
+            d,
+            valves.state,
+            history,
+            ends,
+            self._positions,
+            0.0,
+            0.0,
+            0.0,
+            0.0,
         )
         prepare(demand, owned, w, x, k, u, d, 0.0)
         prepare(settle, owned, x, k, u, for_kernel(np.zeros(len(d))), 0.0, False)
@@ -136,10 +150,11 @@ class ControlCycle:
         valves.read([measurement.pressures[place] for place in table.places], step)
         for place, learner in self._learners.items():
             learner.follow(self._references.spline(self._joints[place].name))
+        self._positions[:] = measurement.positions
         sense(
             table.owned, rows.w, rows.x, rows.k, rows.u, valves.demands, valves.state,
-            references.history, references.ends, for_kernel(np.array(measurement.positions)), time,
-            measurement.position_time, measured_at, settings.measurement_delay,
+            references.history, references.ends, self._positions, time, measurement.position_time,
+            measured_at, settings.measurement_delay,
         )  # fmt: skip
         if share is not None or self._sinks:
             self._sinks = share is not None

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
+from itertools import compress, product
+from typing import Any, Final
 
 from pam_control.control_step import (
     JointTelemetry,
@@ -108,7 +109,7 @@ class JointChannel:
     @property
     def _desired(self) -> PerMuscle:
         """Desired pressures of the muscles [Pa]."""
-        return tuple(float(muscle[W_DESIRED]) for muscle in self._w)
+        return tuple([float(muscle[W_DESIRED]) for muscle in self._w])
 
     def _desire(self, pressures: Sequence[float]) -> None:
         for muscle, pressure in zip(self._w, pressures, strict=True):
@@ -324,12 +325,11 @@ class JointChannel:
                 x[X_REACHED_STIFFNESS],
                 x[X_TRUE_STIFFNESS],
                 x[X_DISTURBANCE],
-                _named(x[X_TORQUE_LIMITED], "torque") + _named(x[X_STIFFNESS_LIMITED], "stiffness"),
+                _PLAN_LIMITS[x[X_TORQUE_LIMITED] > 0.0, x[X_STIFFNESS_LIMITED] > 0.0],
             )
         clipped = law.clipped
         if k[K_RATE_LIMITED] or k[K_VALVE_LIMITED]:
-            clipped += _named(k[K_RATE_LIMITED], "pressure_rate")
-            clipped += _named(k[K_VALVE_LIMITED], "valve")
+            clipped += _VALVE_LIMITS[k[K_RATE_LIMITED] > 0.0, k[K_VALVE_LIMITED] > 0.0]
         self._law_telemetry = None
         self._telemetry = JointTelemetry(
             JointReference(x[X_SEEN + 1], x[X_SEEN + 2], x[X_SEEN + 3]),
@@ -337,11 +337,17 @@ class JointChannel:
             k[K_SEEN_ERROR],
             self._desired,
             clipped,
-            sum(loop.behind_tube for loop in self.loops),
+            sum([loop.behind_tube for loop in self.loops]),
             law,
             unexplained,
         )
 
 
-def _named(is_limited: float, name: str) -> tuple[str, ...]:
-    return (name,) if is_limited > 0.0 else ()
+def _told(*names: str) -> dict[tuple[bool, ...], tuple[str, ...]]:
+    """What is told of limits of these names, by whether each was reached."""
+    cases = product((False, True), repeat=len(names))
+    return {case: tuple(compress(names, case)) for case in cases}
+
+
+_PLAN_LIMITS: Final = _told("torque", "stiffness")
+_VALVE_LIMITS: Final = _told("pressure_rate", "valve")

@@ -174,7 +174,7 @@ class PressureLoops:
         self._settings = for_kernel(np.zeros((len(joints), N_SETTINGS)))
         self.state = for_kernel(np.zeros((count, N_STATE)))
         self.demands = for_kernel(np.zeros((count, N_DEMAND)))
-        self._commands, self._cut = (for_kernel(np.zeros(count)) for _ in range(2))
+        self._commands, self._cut, self._shown = (for_kernel(np.zeros(count)) for _ in range(3))
         self.loops = [self._loop(robot, k, muscle) for k, muscle in enumerate(self._muscles)]
         rows = (self._owners, self._constants, self._numbers)
         prepare(true_pressures, *rows, self.state, self.demands, self._commands, 0.0)
@@ -228,9 +228,10 @@ class PressureLoops:
 
     def read(self, shown: Sequence[float], step: float) -> None:
         """Take what the sensors show [Pa gauge] after a step [s], and write `D_PRESSURE`."""
+        self._shown[:] = shown
         true_pressures(
-            self._owners, self._constants, self._numbers, self.state, self.demands,
-            for_kernel(np.array(shown)), step,
+            self._owners, self._constants, self._numbers, self.state, self.demands, self._shown,
+            step,
         )  # fmt: skip
 
     def command(self, age: float, step: float) -> tuple[Any, Any]:

@@ -73,15 +73,18 @@ class OscillationWatch:
         error = reference_speed - speed
         peak_speed = self._reference_peak(time, abs(reference_speed))
         threshold = max(LEAST_SHARE * self._max_velocity, REFERENCE_SHARE * peak_speed)
-        if reference_speed * self._reference_sign < 0.0:
-            self._turned = True
         if reference_speed != 0.0:
+            if reference_speed * self._reference_sign < 0.0:
+                self._turned = True
             self._reference_sign = math.copysign(1.0, reference_speed)
         if error * self._sign < 0.0 or self._sign == 0.0:
             self._end_half_period(time, threshold, peak_speed)
             self._sign = math.copysign(1.0, error)
-        self._peak = max(self._peak, abs(error))
-        self._excess = max(self._excess, _excess(reference_speed, speed))
+        # comparisons, not max(): this runs for each joint in each cycle
+        if (size := abs(error)) > self._peak:
+            self._peak = size
+        if (excess := _excess(reference_speed, speed)) > self._excess:
+            self._excess = excess
         if self._excess >= threshold and self._oscillates(time, threshold, peak_speed):
             peak = max(self._peak, self._before)
             return f"the joint oscillates (speed error {peak:.2g} rad/s)"
@@ -101,8 +104,9 @@ class OscillationWatch:
 
     def too_fast(self, speed: float, allowed: float = 0.0) -> str:
         """What is wrong with a speed [rad/s] that may be `allowed` [rad/s]; empty if nothing is."""
-        if abs(speed) > max(ALARM_SHARE * self._max_velocity, allowed):
-            return f"the joint moves at {abs(speed):.2g} rad/s"
+        size = abs(speed)
+        if size > ALARM_SHARE * self._max_velocity and size > allowed:
+            return f"the joint moves at {size:.2g} rad/s"
         return ""
 
     def _reference_peak(self, time: float, reference_speed: float) -> float:
@@ -139,7 +143,8 @@ def _excess(reference_speed: float, speed: float) -> float:
     """
     if speed * reference_speed < 0.0:
         return abs(speed)
-    return max(abs(speed) - abs(reference_speed), 0.0)
+    excess = abs(speed) - abs(reference_speed)
+    return excess if excess > 0.0 else 0.0
 
 
 class TrackingWatch:

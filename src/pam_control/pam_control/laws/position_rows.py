@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -91,6 +91,9 @@ from pam_model.plant.compiled import for_kernel, prepare
 from pam_model.plant.layout import N_MUSCLE_STATES
 from pam_model.views.joint_numbers import is_closed_form, joint_numbers
 
+JOINTS_PER_PART: Final = 3
+"""Of several joints whose models are built anew, one in so many does a part of it in a cycle."""
+
 
 @dataclass(frozen=True, slots=True)
 class Estimates:
@@ -165,6 +168,7 @@ class PositionRows:
         self.estimates = [
             Estimates.of(models, y, a) for models, y, a in zip(joints, self.y, self.a, strict=True)
         ]
+        self._turn = 0  # the joint that has built something last
         for place in range(count):
             self.y[place][Y_STIFFNESS] = math.nan
             self.rest(place)
@@ -230,6 +234,9 @@ class PositionRows:
             is_due = plan_parts(NOW, NOW, *rows)
         else:
             is_due = plan_parts(OBSERVE, NOW, *rows)
+        for place in range(begin, end):
+            self.estimates[place].stiffness.go_on()
+        self._rebuild(step)
         if is_due:
             for place in range(begin, end):
                 self._learn(place)
@@ -240,6 +247,18 @@ class PositionRows:
             plan_parts(REACHED, REACHED, *rows)
         else:
             plan_parts(AIM, REACHED, *rows)
+
+    def _rebuild(self, step: float) -> None:
+        """Let few joints do parts of what takes long, in turns."""
+        chosen = math.ceil(len(self.estimates) / JOINTS_PER_PART)
+        for _ in self.estimates:
+            self._turn = (self._turn + 1) % len(self.estimates)
+            stiffness = self.estimates[self._turn].stiffness
+            if stiffness.rebuilds:
+                stiffness.rebuild(step)
+                chosen -= 1
+                if chosen == 0:
+                    return
 
     def _learn(self, place: int) -> None:
         """Update the fits of a joint that are due."""

@@ -18,7 +18,7 @@ import cantools
 from cantools.database import Database
 
 from pam_driver.boards.dbc_flaws import DbcFlaw, absurd, contradictions
-from pam_driver.boards.dbc_statements import HEADINGS, MEANING, Statement, read_statements
+from pam_driver.boards.dbc_statements import HEADINGS, MEANING, DbcStatement, read_statements
 from pam_driver.boards.frame_errors import DbcError
 from pam_driver.boards.maker_file import read_maker_file
 from pam_ros.foreign_text import shown
@@ -117,9 +117,9 @@ def _reason(error: Exception) -> str:
 class _Message:
     """The statements of one message that can be read."""
 
-    head: Statement
-    signals: list[Statement] = field(default_factory=list)
-    further: list[Statement] = field(default_factory=list)
+    head: DbcStatement
+    signals: list[DbcStatement] = field(default_factory=list)
+    further: list[DbcStatement] = field(default_factory=list)
 
     def text(self) -> str:
         return "\n".join(one.text for one in (self.head, *self.signals))
@@ -128,11 +128,11 @@ class _Message:
 class _Reader:
     """Sorts the statements that can be read from those that cannot, which become `flaws`."""
 
-    def __init__(self, statements: Iterable[Statement]) -> None:
+    def __init__(self, statements: Iterable[DbcStatement]) -> None:
         self.flaws: list[DbcFlaw] = []
-        self._defined: dict[str, list[Statement]] = {}
+        self._defined: dict[str, list[DbcStatement]] = {}
         self._messages: dict[int, _Message] = {}
-        self._others: list[Statement] = []
+        self._others: list[DbcStatement] = []
         statements = list(statements)
         self._names = {(one.frame, one.signal) for one in statements if one.kind == "SG_"}
         for one in statements:
@@ -160,17 +160,17 @@ class _Reader:
                 further += own
         return "\n".join([*parts, *further, *(one.text for one in self._others), ""])
 
-    def _define(self, one: Statement) -> None:
+    def _define(self, one: DbcStatement) -> None:
         name = _ATTRIBUTE.match(one.text)
         known = [text.text for text in self._defined.get(name[1] if name else "", ())]
         if self._reads(one, "\n".join(["BS_:", *known, one.text])):
             self._defined.setdefault(name[1] if name else "", []).append(one)
 
-    def _begin(self, one: Statement) -> None:
+    def _begin(self, one: DbcStatement) -> None:
         if self._reads(one, one.text) and one.frame is not None:
             self._messages.setdefault(one.frame, _Message(one))
 
-    def _add_signal(self, one: Statement) -> None:
+    def _add_signal(self, one: DbcStatement) -> None:
         message = None if one.frame is None else self._messages.get(one.frame)
         if message is None:
             text = f"signal {shown(one.signal)} belongs to no message that can be read"
@@ -181,7 +181,7 @@ class _Reader:
         ):
             message.signals.append(one)
 
-    def _add(self, one: Statement) -> None:
+    def _add(self, one: DbcStatement) -> None:
         """A statement about a message, or about the whole file."""
         message = None if one.frame is None else self._messages.get(one.frame)
         before = self._definition(one)
@@ -195,12 +195,12 @@ class _Reader:
         if self._reads(one, "\n".join(["BS_:", *before, one.text])):
             (self._others if message is None else message.further).append(one)
 
-    def _definition(self, one: Statement) -> list[str]:
+    def _definition(self, one: DbcStatement) -> list[str]:
         """The definition of the attribute that a statement sets."""
         name = _ATTRIBUTE.match(one.text) if one.kind == "BA_" else None
         return [known.text for known in self._defined.get(name[1], ())] if name else []
 
-    def _reads(self, one: Statement, text: str) -> bool:
+    def _reads(self, one: DbcStatement, text: str) -> bool:
         """Whether a statement can be read with what it refers to; else it becomes a flaw.
 
         What follows a statement in lines of their own is left out if it can be read without.
@@ -222,7 +222,7 @@ class _Reader:
             self._flaw(one, one.line, reason)
         return not reason
 
-    def _flaw(self, one: Statement, line: int, text: str) -> None:
+    def _flaw(self, one: DbcStatement, line: int, text: str) -> None:
         matters = one.kind in MEANING or (one.kind == "BA_" and _FRAME_FORMAT in one.text)
         if matters:
             begins = one.kind in {"BO_", "SG_"}
@@ -231,7 +231,7 @@ class _Reader:
         else:
             self.flaws.append(DbcFlaw(line, text))
 
-    def _signal(self, one: Statement) -> str:
+    def _signal(self, one: DbcStatement) -> str:
         """The signal that a statement makes doubtful; empty if its name may be cut or misspelt.
 
         Labels of a signal that does not exist are ignored.
@@ -242,7 +242,7 @@ class _Reader:
         is_whole = one.text.rstrip().endswith(";")
         return one.signal if known or (one.kind == "VAL_" and is_whole) else ""
 
-    def _candidates(self, one: Statement) -> frozenset[str]:
+    def _candidates(self, one: DbcStatement) -> frozenset[str]:
         """The messages that a statement may be about if its identifier cannot be read."""
         if one.kind in {"BO_", "SG_"} or (one.frame is not None and one.signal):
             return frozenset()

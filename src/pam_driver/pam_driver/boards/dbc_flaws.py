@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Final
 
-from pam_driver.boards.dbc_statements import Statement
+from pam_driver.boards.dbc_statements import DbcStatement
 from pam_ros.foreign_text import shown
 
 # ISO 15765-2 carries up to 4095 bytes in several frames; cantools needs for ever for a typing
@@ -45,7 +45,7 @@ class DbcFlaw:
 
 
 def contradictions(
-    statements: Iterable[Statement], lines: dict[tuple[str, str], int]
+    statements: Iterable[DbcStatement], lines: dict[tuple[str, str], int]
 ) -> Iterator[DbcFlaw]:
     """What contradicts something else; `lines` gets where each message and signal begins."""
     statements = list(statements)
@@ -53,9 +53,11 @@ def contradictions(
     yield from _other_lengths(statements)
 
 
-def _twice(statements: Iterable[Statement], lines: dict[tuple[str, str], int]) -> Iterator[DbcFlaw]:
+def _twice(
+    statements: Iterable[DbcStatement], lines: dict[tuple[str, str], int]
+) -> Iterator[DbcFlaw]:
     """Messages and signals that are described twice; `lines` gets where each begins."""
-    frames: dict[int, Statement] = {}
+    frames: dict[int, DbcStatement] = {}
     for one in statements:
         if one.kind == "BO_" and one.frame is not None:
             other = frames.setdefault(one.frame, one)
@@ -73,9 +75,9 @@ def _twice(statements: Iterable[Statement], lines: dict[tuple[str, str], int]) -
             yield DbcFlaw(one.line, text, frozenset({one.message}), one.signal)
 
 
-def _other_lengths(statements: Iterable[Statement]) -> Iterator[DbcFlaw]:
+def _other_lengths(statements: Iterable[DbcStatement]) -> Iterator[DbcFlaw]:
     """Signals whose number of bits is not that of their type."""
-    known: dict[tuple[int | None, str], tuple[Statement, str]] = {}
+    known: dict[tuple[int | None, str], tuple[DbcStatement, str]] = {}
     for one in statements:
         if one.kind == "SG_" and (found := _BITS.search(one.text)):
             known[one.frame, one.signal] = one, found[3]
@@ -100,7 +102,7 @@ def _other_lengths(statements: Iterable[Statement]) -> Iterator[DbcFlaw]:
         yield DbcFlaw(one.line, text, frozenset({signal.message}), one.signal)
 
 
-def absurd(statement: Statement) -> str:
+def absurd(statement: DbcStatement) -> str:
     """What is wrong with the size of something; empty if nothing is."""
     if statement.kind == "BO_":
         number = statement.frame

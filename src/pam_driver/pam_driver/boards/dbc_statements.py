@@ -23,7 +23,7 @@ MEANING: Final = frozenset({"BO_", "SG_", "VAL_", "SIG_VALTYPE_", "SG_MUL_VAL_"}
 
 
 @dataclass
-class Statement:
+class DbcStatement:
     """A statement of the file: its first word, its lines, and the message that it refers to."""
 
     kind: str
@@ -34,16 +34,16 @@ class Statement:
     signal: str = ""
 
 
-def read_statements(text: str) -> Iterator[Statement]:
+def read_statements(text: str) -> Iterator[DbcStatement]:
     """The statements: each begins with a word of its own at the beginning of a line."""
-    current: Statement | None = None
-    message = Statement("", 0, "")
+    current: DbcStatement | None = None
+    message = DbcStatement("", 0, "")
     listing = False  # the words under NS_
     for number, line in enumerate(text.split("\n"), 1):
         match = _BEGIN.match(line)
         if match is None:
             if current is None:
-                current = Statement("", number, line) if line.strip() else None
+                current = DbcStatement("", number, line) if line.strip() else None
             else:
                 current.text += f"\n{line}"
             continue
@@ -54,7 +54,7 @@ def read_statements(text: str) -> Iterator[Statement]:
         listing = False
         if current is not None:
             yield current
-        current = Statement(match[1], number, line)
+        current = DbcStatement(match[1], number, line)
         if current.kind == "BO_":
             found = _MESSAGE.match(line)
             current.frame = _frame_id(found[1]) if found else None

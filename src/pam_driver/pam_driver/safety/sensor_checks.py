@@ -53,7 +53,8 @@ class _Signal:
         if not math.isnan(before) and 1.0 / _EVEN_GAPS <= stretch <= _EVEN_GAPS:
             # Either the stamps or the samples are evenly spaced. Motion at constant speed appears
             # as noise under one of these assumptions at most, true noise under both.
-            sigma = min(_noise_of(last - before, sample.value - last, r) for r in (1.0, stretch))
+            first, second = last - before, sample.value - last
+            sigma = min(_noise_of(first, second, 1.0), _noise_of(first, second, stretch))
             # a single outlier must not count as noise
             sigma = min(sigma, 4.0 * self.noise + 0.1 * self.allowed)
             self.noise += (sigma - self.noise) / _NOISE_MEMORY

@@ -407,7 +407,7 @@ def observe(
 
     if kernels is None:
         kernels = _KERNELS.ready_kernels(constants, samples, once)
-    groups = blocks_of_lanes(constants, kernels, sample_time, step)
+    groups = blocks_of_lanes(constants, kernels, sample_time, step, threads)
     if threads > 1 and len(groups) > 1:
         with ThreadPoolExecutor(threads) as pool:
             list(pool.map(one, groups))

@@ -196,6 +196,8 @@ def switched_on[S: Slot](
     list of (Effect, Slot, tuple of float)
         Effect, slot and parameter values, in the order in which the plant applies them.
     """
+    if not effects:  # the usual case, in each part of a robot that is composed
+        return []
     return [
         (effect, slot, effect.values(effects))
         for effect, slot in filled(kind)
@@ -231,7 +233,7 @@ def adjusted(target: str, written: float | None, effects: EffectValues) -> float
     value = TARGETS[target].ideal if written is None else written
     if value is None:
         raise EffectError(f"target {target} has no ideal value; give the rig file's")
-    for effect, slot in _ADJUSTS:
+    for effect, slot in _ADJUSTS if effects else ():
         if slot.target == target and effect.name in effects:
             value = slot.law(value, *effect.values(effects))
     return value

@@ -196,6 +196,11 @@ class JointStatics:
             ]
         )
 
+    def tension(self, number: int, pressure: float, position: float) -> float:
+        """Pull of one muscle [N] at rest, by its number; otherwise as `tensions`."""
+        force, neutral, arm, _ = self._pulls[number]
+        return max(0.0, float(force(pressure, neutral - arm * position)))
+
     def torque(self, pressures: Sequence[float], position: float, velocity: float = 0.0) -> float:
         """Torque of the muscles [N m]; arguments and errors as for `tensions`."""
         return self.torque_of(self.tensions(pressures, position, velocity))

@@ -125,18 +125,22 @@ def _cache_of(function: FunctionType) -> str:
 
 
 _CACHE = _cache_folder() if HAVE_NUMBA and not os.environ.get("NUMBA_CACHE_DIR") else ""
-_COMPILED: dict[FunctionType, Any] = {}
+_COMPILED: dict[tuple[FunctionType, bool], Any] = {}
+FUSED = {"contract"}
+"""What a compiler may do with fused functions: round a product and a sum together, once."""
 
 
-def _with_compiled_calls(function: FunctionType) -> FunctionType:
-    """A copy of a function in which the plain functions that it calls by name are compiled."""
+def _with_compiled_calls(function: FunctionType, fused: bool) -> FunctionType:
+    """A copy of a function in which the functions that it calls by name are compiled like it."""
     known = function.__globals__
-    called = {
-        name: compiled(known[name])
-        for name in function.__code__.co_names
-        if isinstance(known.get(name), FunctionType)
-    }
-    if not called:
+    called = {}
+    for name in function.__code__.co_names:
+        value = known.get(name)
+        if fused and not _is_fused(value):
+            value = getattr(value, "py_func", value)
+        if isinstance(value, FunctionType):
+            called[name] = _compiled(value, cache=False, fused=fused)
+    if not (called or fused):
         return function
     copy = FunctionType(
         function.__code__,
@@ -146,12 +150,26 @@ def _with_compiled_calls(function: FunctionType) -> FunctionType:
         function.__closure__,
     )
     copy.__qualname__, copy.__module__ = function.__qualname__, function.__module__
+    if fused:
+        copy.__qualname__ += "_fused"
     return copy
+
+
+def _is_fused(function: Any) -> bool:
+    return bool(getattr(function, "targetoptions", {}).get("fastmath"))
 
 
 def compiled[F: Callable[..., Any]](function: F) -> F:
     """Decorate a function of floats and arrays; without fast-math, results equal plain Python's."""
     return _compiled(function, cache=False)
+
+
+def compiled_fused[F: Callable[..., Any]](function: F) -> F:
+    """As `compiled`, with all that it calls, but products and sums may be rounded together.
+
+    Results then differ from plain Python's in the last digits, by the processor that computes them.
+    """
+    return _compiled(function, cache=False, fused=True)
 
 
 def entry_point[F: Callable[..., Any]](function: F) -> F:
@@ -167,25 +185,31 @@ def compiled_loop[F: Callable[..., Any]](function: F) -> F:
     return _compiled(function, cache=False, inlined=False)
 
 
-def _compiled[F: Callable[..., Any]](function: F, *, cache: bool, inlined: bool = True) -> F:
+def _compiled[F: Callable[..., Any]](
+    function: F, *, cache: bool, inlined: bool = True, fused: bool = False
+) -> F:
     if not HAVE_NUMBA:
         return function
     assert isinstance(function, FunctionType)
-    if function in _COMPILED:
-        return _COMPILED[function]  # type: ignore[no-any-return]
+    if (function, fused) in _COMPILED:
+        return _COMPILED[function, fused]  # type: ignore[no-any-return]
     given = numba.config.CACHE_DIR
     numba.config.CACHE_DIR = (_cache_of(function) if cache else _CACHE) or given
     try:
         # numpy's error model saves a branch per division; the kernels check their divisors
         # themselves. They allocate nothing, so they need no reference counting (_nrt).
-        result: F = numba.njit(error_model="numpy", nogil=True, forceinline=inlined, _nrt=False)(
-            _with_compiled_calls(function)
-        )
+        result: F = numba.njit(
+            error_model="numpy",
+            nogil=True,
+            forceinline=inlined,
+            _nrt=False,
+            fastmath=FUSED if fused else False,
+        )(_with_compiled_calls(function, fused))
         if cache:
             keep_machine_code(result)
     finally:
         numba.config.CACHE_DIR = given
-    _COMPILED[function] = result
+    _COMPILED[function, fused] = result
     return result
 
 

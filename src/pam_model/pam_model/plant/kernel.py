@@ -69,8 +69,10 @@ from pam_model.plant.layout import (
 from pam_model.plant.muscle_stage import pull
 
 LOWEST_PRESSURE = 1.0  # Pa absolute; a limit for diverging fits, far below any real pressure
-LOCKED = 2
-AT_REST = 3
+# Contacts of a joint besides the sign of its motion. They are floats, as vectors of 256 bits have
+# no conversion from integers.
+LOCKED = 2.0
+AT_REST = 3.0
 WORK_ROWS = 7
 
 
@@ -113,12 +115,6 @@ def step_count(rate: float, sample_time: float, step: float) -> int:
     while count < needed:
         count *= 2
     return 3 * count // 4 if count >= 4 and 3 * count // 4 >= needed else count
-
-
-@compiled
-def muscle_count(y: Any) -> int:
-    """Number of muscles of a joint with this state."""
-    return (len(y) - Y_MUSCLES) // N_MUSCLE_STATES
 
 
 @compiled
@@ -175,7 +171,7 @@ def rk4_step(
     y: Any,
     work: Any,
     held: Any,
-    contact: int,
+    contact: float,
     position_given: bool,
     pressure_given: bool,
     shut: bool,
@@ -183,7 +179,7 @@ def rk4_step(
 ) -> None:
     """Advance `y` by one classical Runge-Kutta step of `h` [s]."""
     free = contact != LOCKED
-    sliding = float(contact) if free else 0.0
+    sliding = contact if free else 0.0
     k1, k2, k3, k4, ys, drive = work[0], work[1], work[2], work[3], work[4], work[5]
     given = (position_given, pressure_given)
     count = Y_MUSCLES + len(tables) * N_MUSCLE_STATES  # known to the compiler
@@ -202,15 +198,15 @@ def rk4_step(
 
 
 @compiled
-def moving_contact(c: Any, y: Any) -> int:
+def moving_contact(c: Any, y: Any) -> float:
     """Contact of a moving joint; AT_REST if the torque of its muscles decides."""
     has_friction = c[C_PRESLIDING] <= 0.0 and c[C_FRICTION] > 0.0
     speed = y[Y_VELOCITY]
     if speed != 0.0:
-        sign = 1 if speed > 0.0 else -1
-        return sign if has_friction else 0
+        sign = 1.0 if speed > 0.0 else -1.0
+        return sign if has_friction else 0.0
     at_stop = y[Y_POSITION] <= c[C_LOWER] or y[Y_POSITION] >= c[C_UPPER]
-    return AT_REST if has_friction or at_stop else 0
+    return AT_REST if has_friction or at_stop else 0.0
 
 
 @compiled
@@ -223,7 +219,7 @@ def contact_of(
     pressure_given: bool,
     shut: bool,
     h: float,
-) -> int:
+) -> float:
     """Contact of the joint in a step: LOCKED, the sign of motion that friction opposes, or 0."""
     contact = moving_contact(c, y)
     if contact != AT_REST:
@@ -234,7 +230,7 @@ def contact_of(
 
 
 @compiled
-def contact_at_rest(c: Any, y: Any, torque: float) -> int:
+def contact_at_rest(c: Any, y: Any, torque: float) -> float:
     """Contact of a joint at rest under the `torque` of its muscles [N m]."""
     has_friction = c[C_PRESLIDING] <= 0.0 and c[C_FRICTION] > 0.0
     at_lower = y[Y_POSITION] <= c[C_LOWER]
@@ -246,8 +242,8 @@ def contact_at_rest(c: Any, y: Any, torque: float) -> int:
     if (torque > 0.0 and at_upper) or (torque <= 0.0 and at_lower):
         return LOCKED
     if not has_friction:
-        return 0
-    return 1 if torque > 0.0 else -1
+        return 0.0
+    return 1.0 if torque > 0.0 else -1.0
 
 
 @compiled
@@ -257,17 +253,17 @@ def settle_contact(c: Any, y: Any, contact: float, before: float, step: float) -
     `before` is the speed at the start of the step [rad/s]. From the time at which the speed is 0,
     friction may have acted the other way round. If that is too little to hold the joint, it passes.
     """
-    speed = y[Y_VELOCITY]
+    position, speed = y[Y_POSITION], y[Y_VELOCITY]
     if contact * speed < 0.0:
         late = speed / (speed - before) * step
         gained = 2.0 * dry_friction(c, 0.0) * late * c[C_PER_INERTIA]
-        y[Y_VELOCITY] = contact * min(contact * speed + gained, 0.0)
-    if y[Y_POSITION] >= c[C_UPPER]:
-        y[Y_POSITION] = c[C_UPPER]
-        y[Y_VELOCITY] = min(y[Y_VELOCITY], 0.0)
-    elif y[Y_POSITION] <= c[C_LOWER]:
-        y[Y_POSITION] = c[C_LOWER]
-        y[Y_VELOCITY] = max(y[Y_VELOCITY], 0.0)
+        speed = contact * min(contact * speed + gained, 0.0)
+    if position >= c[C_UPPER]:
+        speed = min(speed, 0.0)
+    elif position <= c[C_LOWER]:
+        speed = max(speed, 0.0)
+    y[Y_POSITION] = min(max(position, c[C_LOWER]), c[C_UPPER])
+    y[Y_VELOCITY] = speed
 
 
 @compiled
@@ -318,7 +314,7 @@ def run(
     pressure_given = len(pressures) > 0
     steps = step_count(c[C_RATE], sample_time, step)
     h = sample_time / steps
-    contact, before = 0, 0.0
+    contact, before = 0.0, 0.0
     held = work[6]
     for i in range(1 + len(tables)):
         work[5][i] = 0.0

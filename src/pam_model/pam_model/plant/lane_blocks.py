@@ -60,7 +60,11 @@ class Lanes:
 
 
 def blocks_of_lanes(
-    constants: Array, kernels: Sequence[LaneKernel], sample_time: float, step: float
+    constants: Array,
+    kernels: Sequence[LaneKernel],
+    sample_time: float,
+    step: float,
+    threads: int = 1,
 ) -> list[Lanes]:
     """Sort a batch into blocks of lanes with equal steps, and single lanes.
 
@@ -73,6 +77,8 @@ def blocks_of_lanes(
         it and enough others.
     sample_time, step : float
         Sample time and longest integration step [s].
+    threads : int, optional
+        Number of blocks that run at the same time; lanes are shared out among so many.
     """
     steps = np.array([step_count(r, sample_time, step) for r in constants[:, C_RATE].tolist()])
     found: list[Lanes] = []
@@ -80,8 +86,10 @@ def blocks_of_lanes(
     for kernel in kernels:
         for count in np.unique(steps[kernel.serves & alone]):
             members = np.flatnonzero(kernel.serves & alone & (steps == count))
-            for first in range(0, len(members), LANES):
-                block = members[first : first + LANES]
+            share = -(-len(members) // threads)
+            size = min(-(-share // kernel.vector) * kernel.vector, LANES)
+            for first in range(0, len(members), size):
+                block = members[first : first + size]
                 if len(block) > kernel.few:
                     found.append(Lanes(block, int(count), kernel.variant, kernel.vector))
                     alone[block] = False

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pam_model.plant import layout as lay
-from pam_model.plant.lane_twins import LANES, LaneVariant
+from pam_model.plant.lane_twins import LaneVariant
 
 Switches = dict[str, tuple[int, bool]]
 """Name of each switch, the index of its constant, and whether each muscle has one."""
@@ -39,7 +39,9 @@ OF_RIG: Final = _of_muscles("M_TABLE", "M_REGULATOR", "M_WALL")
 CABLE: Final = "cable"
 MUSCLE: Final = "muscle"
 VECTOR: Final = 8
-"""Lanes of one vector register; LLVM uses no vectors for fewer than 16 in the longest loops."""
+"""Lanes of one vector register."""
+TWO_VECTORS: Final = 16
+"""LLVM uses no vectors for fewer lanes in the longest loops."""
 GROUPS: Final[dict[str, Switches]] = {
     "gas": _of_muscles("M_TUBE", "M_THERMAL")
     | {"C_DROOP": (lay.C_DROOP, False)}
@@ -90,7 +92,7 @@ class LaneKernel:
     @property
     def vector(self) -> int:
         """The number of lanes that are simulated is a multiple of this one."""
-        return LANES if self._has(CABLE) and self._has(MUSCLE) else VECTOR
+        return TWO_VECTORS if self._has(CABLE) and self._has(MUSCLE) else VECTOR
 
     def for_all(self, count: int) -> LaneKernel:
         """The same kernel for a batch of `count` lanes, all of which it serves."""

@@ -23,7 +23,6 @@ from pam_model.plant.kernel import (
     contact_at_rest,
     held_command,
     moving_contact,
-    muscle_count,
     settle_contact,
 )
 from pam_model.plant.lane_twins import (
@@ -82,7 +81,7 @@ def hold_own(
 @compiled
 def judge_contact(c: Any, y: Any, contact: Any) -> None:
     """Write the contact, or AT_REST, and the speed with which the step begins."""
-    contact[0] = float(moving_contact(c, y))
+    contact[0] = moving_contact(c, y)
     contact[1] = y[Y_VELOCITY]
 
 
@@ -93,7 +92,7 @@ def judge_rest(c: Any, y: Any, dy: Any, contact: Any, torque: Any) -> None:
     The rates `dy` are those without contact. At rest, it changes the acceleration alone.
     """
     if contact[0] == AT_REST:
-        contact[0] = float(contact_at_rest(c, y, torque[0]))
+        contact[0] = contact_at_rest(c, y, torque[0])
         if contact[0] == LOCKED:
             dy[Y_VELOCITY] = 0.0
         else:  # the sign of the motion that friction opposes, or 0
@@ -120,7 +119,7 @@ def rates(
 
 
 @compiled
-def move(c: Any, y: Any, dy: Any, moved: Any, step: float) -> None:
+def move(c: Any, tables: Any, y: Any, dy: Any, moved: Any, step: float) -> None:
     """Write the state after a step with constant rates; only states that change are written."""
     moved[Y_POSITION] = y[Y_POSITION] + step * dy[Y_POSITION]
     moved[Y_VELOCITY] = y[Y_VELOCITY] + step * dy[Y_VELOCITY]
@@ -128,7 +127,7 @@ def move(c: Any, y: Any, dy: Any, moved: Any, step: float) -> None:
         moved[Y_BRISTLE] = y[Y_BRISTLE] + step * dy[Y_BRISTLE]
     if c[C_DROOP] > 0.0:
         moved[Y_RESERVOIR] = y[Y_RESERVOIR] + step * dy[Y_RESERVOIR]
-    for i in range(muscle_count(y)):
+    for i in range(len(tables)):
         m = C_MUSCLES + i * N_MUSCLE_CONSTANTS
         o = Y_MUSCLES + i * N_MUSCLE_STATES
         moved[o + S_SPOOL] = y[o + S_SPOOL] + step * dy[o + S_SPOOL]
@@ -142,7 +141,7 @@ def move(c: Any, y: Any, dy: Any, moved: Any, step: float) -> None:
 
 
 @compiled
-def finish(c: Any, y: Any, k1: Any, k2: Any, k3: Any, k4: Any, step: float) -> None:
+def finish(c: Any, tables: Any, y: Any, k1: Any, k2: Any, k3: Any, k4: Any, step: float) -> None:
     """Advance the states that change by a Runge-Kutta step, from its four rates."""
     state_step(Y_POSITION, y, k1, k2, k3, k4, step)
     state_step(Y_VELOCITY, y, k1, k2, k3, k4, step)
@@ -150,7 +149,7 @@ def finish(c: Any, y: Any, k1: Any, k2: Any, k3: Any, k4: Any, step: float) -> N
         state_step(Y_BRISTLE, y, k1, k2, k3, k4, step)
     if c[C_DROOP] > 0.0:
         state_step(Y_RESERVOIR, y, k1, k2, k3, k4, step)
-    for i in range(muscle_count(y)):
+    for i in range(len(tables)):
         m = C_MUSCLES + i * N_MUSCLE_CONSTANTS
         o = Y_MUSCLES + i * N_MUSCLE_STATES
         state_step(o + S_SPOOL, y, k1, k2, k3, k4, step)
@@ -169,9 +168,9 @@ def state_step(at: int, y: Any, k1: Any, k2: Any, k3: Any, k4: Any, step: float)
 
 
 @compiled
-def settle(c: Any, y: Any, contact: Any, step: float) -> None:
+def settle(c: Any, tables: Any, y: Any, contact: Any, step: float) -> None:
     """Correct the state after a step."""
-    for i in range(muscle_count(y)):
+    for i in range(len(tables)):
         o = Y_MUSCLES + i * N_MUSCLE_STATES
         y[o + S_PRESSURE] = max(y[o + S_PRESSURE], LOWEST_PRESSURE)
     settle_contact(c, y, contact[0], contact[1], step)
@@ -221,14 +220,14 @@ def advance(
         rates_lanes(active, c, tables, y, k1, held, contact, torque, drive, shut, h)
         if at_rest:
             judge_rest_lanes(active, c, y, k1, contact, torque)
-        move_lanes(active, c, y, k1, ys, 0.5 * h)
+        move_lanes(active, c, tables, y, k1, ys, 0.5 * h)
         rates_lanes(active, c, tables, ys, k2, held, contact, torque, drive, shut, h)
-        move_lanes(active, c, y, k2, ys, 0.5 * h)
+        move_lanes(active, c, tables, y, k2, ys, 0.5 * h)
         rates_lanes(active, c, tables, ys, k3, held, contact, torque, drive, shut, h)
-        move_lanes(active, c, y, k3, ys, h)
+        move_lanes(active, c, tables, y, k3, ys, h)
         rates_lanes(active, c, tables, ys, k4, held, contact, torque, drive, shut, h)
-        finish_lanes(active, c, y, k1, k2, k3, k4, h)
-        settle_lanes(active, c, y, contact, h)
+        finish_lanes(active, c, tables, y, k1, k2, k3, k4, h)
+        settle_lanes(active, c, tables, y, contact, h)
 
 
 @cache
@@ -246,9 +245,10 @@ def advance_lanes(variant: Variant, *, own_commands: bool = False) -> Callable[.
 
 
 ALL_ON: Final[frozenset[str]] = frozenset()
-"""For loops that do not depend on the laws that are off: one version serves all kernels."""
-DEPENDENT: Final = (move, finish)
-"""Loops that depend on them, in addition to all that call a law of a muscle."""
+"""For loops that do not depend on the laws that are off: one version serves all kernels.
+
+Those that take the force tables do, as they have to do with the muscles.
+"""
 
 
 def with_loops(
@@ -260,7 +260,7 @@ def with_loops(
     made = {
         f"{loop.__name__}_lanes": lane_loop(
             loop,
-            variant if loop in DEPENDENT or "tables" in signature(loop).parameters else common,
+            variant if "tables" in signature(loop).parameters else common,
         )
         for loop in loops
     }

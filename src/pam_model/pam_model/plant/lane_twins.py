@@ -23,17 +23,18 @@ from functools import cache
 from types import FunctionType
 from typing import Any, Final, NamedTuple
 
-from pam_model.plant.compiled import HAVE_NUMBA, compiled, compiled_loop
+from pam_model.plant.compiled import HAVE_NUMBA, compiled, compiled_fused, compiled_loop
 
-LANES: Final = 16
-"""Lanes side by side. LLVM does not convert loops that it knows to be shorter than 16."""
+LANES: Final = 32
+"""Lanes side by side; with more of them, the start of each loop and the wait for its last results
+weigh less. LLVM does not convert loops that it knows to be shorter than 16."""
 LANE_ARRAYS: Final = frozenset(
     {"c", "sensors", "y", "dy", "moved", "k1", "k2", "k3", "k4"}
     | {"held", "contact", "torque", "output"}
     | {"shown", "history", "total"}  # of the comparison with a recording
 )
 """Names of the arguments that hold one array per lane, wherever they appear in the plant."""
-COUNTS_OF_MUSCLES: Final = frozenset({"len(tables)", "len(held)", "muscle_count(y)"})
+COUNTS_OF_MUSCLES: Final = frozenset({"len(tables)", "len(held)"})
 """Expressions of the number of muscles in loops over them."""
 
 
@@ -171,7 +172,7 @@ def lane_twin(function: Any, variant: LaneVariant) -> Callable[..., Any]:
     exec(code, names)
     twin: FunctionType = names[plain.__name__]
     twin.__qualname__ = f"{plain.__name__}_of_lane_{kernel_name(variant)}"
-    return compiled(twin)
+    return compiled_fused(twin)
 
 
 @cache

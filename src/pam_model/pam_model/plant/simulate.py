@@ -251,7 +251,7 @@ def simulate(
     elif kernels is None:
         work = count * math.ceil(sample_time / step)
         kernels = _KERNELS.ready_kernels(constants, work, once)
-    groups = blocks_of_lanes(constants, kernels, sample_time, step)
+    groups = blocks_of_lanes(constants, kernels, sample_time, step, threads)
     if threads > 1 and len(groups) > 1:
         with ThreadPoolExecutor(threads) as pool:
             list(pool.map(run_group, groups))

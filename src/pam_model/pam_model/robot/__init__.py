@@ -4,7 +4,7 @@
 `pam_model.views`.
 """
 
-from pam_model.robot.compose import compose
+from pam_model.robot.compose import compose, compose_in_parts
 from pam_model.robot.robot import (
     Arm,
     Robot,
@@ -24,4 +24,5 @@ __all__ = [
     "Supply",
     "Tube",
     "compose",
+    "compose_in_parts",
 ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 from pam_model.effects import EffectValues, adjusted, switched_on
 from pam_model.effects.slots import SCOPES
@@ -41,6 +41,16 @@ def compose(rig: Rig) -> Robot:
     RigError, DomainError
         As for `Rig.force_model`; never for a rig that was read from a file.
     """
+    *_, robot = compose_in_parts(rig)
+    assert robot is not None
+    return robot
+
+
+def compose_in_parts(rig: Rig) -> Iterator[Robot | None]:
+    """`compose` for a control cycle, which has no time for all of it: the robot, after some None.
+
+    Arguments and errors are those of `compose`.
+    """
     arms = _arms(rig)
     of_rig = _numbers(rig.effects)
     supply = Supply(
@@ -52,11 +62,12 @@ def compose(rig: Rig) -> Robot:
         _joint(place, joint, tuple(arm for arm in arms if arm.joint == place))
         for place, joint in enumerate(rig.joints)
     )
-    muscles = tuple(
-        _muscle(rig, place, muscle, tuple(arm for arm in arms if arm.muscle == place))
-        for place, muscle in enumerate(rig.muscles)
-    )
-    return Robot(rig.gas, supply, joints, muscles, rig.plausibility, rig)
+    muscles = []
+    for place, muscle in enumerate(rig.muscles):
+        yield None
+        own = tuple(arm for arm in arms if arm.muscle == place)
+        muscles.append(_muscle(rig, place, muscle, own))
+    yield Robot(rig.gas, supply, joints, tuple(muscles), rig.plausibility, rig)
 
 
 def _numbers(effects: EffectValues) -> Number:
