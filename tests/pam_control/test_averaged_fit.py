@@ -19,8 +19,10 @@ from pam_control.adaptation.torque_adaptation import (
     SLIPS,
     STIFFNESS,
     TorqueAdaptation,
+    learnt_torque,
+    take_torque,
 )
-from pam_control.rows.plan_rows import N_LEARNING, N_MEMORY, N_PLAN
+from pam_control.rows.plan_rows import N_LEARNING, N_MEMORY, N_PLAN, Y_STIFFNESS
 
 NOISE = 0.05
 
@@ -163,3 +165,22 @@ def test_a_fit_that_explains_the_values_is_used_faster_than_one_that_does_not():
     missing = 1.0 - np.array(used)
     assert missing[1] > 0.2
     assert missing[0] < 0.6 * missing[1]
+
+
+@pytest.mark.parametrize(("load", "friction"), [(0.0, 0.5), (0.5, 0.0), (0.4, 0.3)])
+def test_the_rest_after_a_take_over_tells_a_load_from_friction(load, friction):
+    """One stroke in one direction alone has 0.18 N m of a friction of 0.5 N m as a load."""
+    y, row, step = [0.0] * N_PLAN, [0.0] * N_LEARNING, 0.002
+    inertia, damping = 0.05, 0.25
+    learnt = TorqueAdaptation(y, row, inertia, damping, LARGEST)
+    y[Y_STIFFNESS] = STIFF
+    strokes = np.clip((np.arange(700) - 250) / 400.0, 0.0, 1.0)  # of 0.5 rad in 0.8 s
+    for k, x in enumerate(strokes):
+        position = 0.5 * x**3 * (10.0 - 15.0 * x + 6.0 * x * x)
+        speed = 0.5 / 0.8 * 30.0 * x * x * (1.0 - x) ** 2
+        push = 0.5 / 0.8**2 * 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x)
+        learnt_torque(y, row, k * step, position, speed, push, LARGEST)
+        beside = load + friction * np.tanh(speed / 0.02) + damping * speed + inertia * push
+        if take_torque(row, step, beside, 0.0, position, speed, 0.01, STIFF):
+            learnt.update()
+    assert learnt._fit.fitted[0] == pytest.approx(load, abs=0.05)

@@ -217,6 +217,29 @@ def _disturbances(given: Arguments) -> Outcome:
     return run(given)
 
 
+def _declare_told_swings(parser: Parser) -> None:
+    add_rig(parser)
+    add_seed(parser, 1)
+    parser.add_argument("--rigs", nargs="+", metavar="NAME", help="rigs (default: each)")
+    parser.add_argument(
+        "--no-adaptation", action="store_true", help="do not let the controller adapt itself"
+    )
+    parser.add_argument(
+        "--ordinary",
+        type=number("s", least=0.0, most=3600.0),
+        default=0.0,
+        metavar="S",
+        help="play drawn ordinary motion for so long on each rig with one effect, and look for "
+        "false alarms (default: the motions of rough-control, each with a rest)",
+    )
+
+
+def _told_swings(given: Arguments) -> Outcome:
+    from pam_check.control.told_swings import run  # noqa: PLC0415  (numba)
+
+    return run(given)
+
+
 DISTURBANCES = Command(
     "disturbances",
     "push a joint that holds, and let the supply sag while it moves; show how far it yields",
@@ -296,4 +319,17 @@ COMMANDS = (
         _feedback_cost,
     ),
     DISTURBANCES,
+    Command(
+        "told-swings",
+        "hide effects, pairs of them and delays, and show which joints swing at rest and when the "
+        "controller tells it",
+        _declare_told_swings,
+        _told_swings,
+        bad_news="if a joint swings at rest and this is not told within 3 s, or with --ordinary "
+        "something is told of a joint that does not swing",
+        examples=(
+            'pam check told-swings --rigs payload "commands 30 ms" --no-adaptation',
+            "pam check told-swings --ordinary 140",
+        ),
+    ),
 )

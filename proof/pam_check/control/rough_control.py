@@ -170,6 +170,11 @@ class RoughControl:
         How often the controller plays each motion; it keeps what it learns meanwhile.
     compares : bool, optional
         Whether the controller without adaptation plays each motion as well.
+
+    Attributes
+    ----------
+    rig, seed
+        See above.
     """
 
     def __init__(
@@ -182,7 +187,7 @@ class RoughControl:
         compares: bool = False,
     ) -> None:
         self._plays = plays
-        self.rig, self._seed, self._pressure_loops = rig, seed, pressure_loops
+        self.rig, self.seed, self._pressure_loops = rig, seed, pressure_loops
         self.designs = KeptDesigns(user_cache_folder())
         self._true = true_rig(rig)
         self.controller = Controller(rig, settings, self.designs)
@@ -206,14 +211,14 @@ class RoughControl:
             start = time.process_time()
             self.controller.forget_adaptation()
             played = [
-                play(self.controller, joint, muscles, points, self._seed + index)[0]
+                play(self.controller, joint, muscles, points, self.seed + index)[0]
                 for index in range(self._plays)
             ]
             seconds = (time.process_time() - start) / self._plays
             plain: tuple[PlayedRun, ...] = ()
             if self._unadapted is not None:
                 plain = tuple(
-                    play(self._unadapted, joint, muscles, points, self._seed + index)[0]
+                    play(self._unadapted, joint, muscles, points, self.seed + index)[0]
                     for index in (0, self._plays - 1)
                 )
             results.append(RoughResult(effect, name, played[-1], played[0], None, seconds, plain))
@@ -227,12 +232,12 @@ class RoughControl:
         self, joint: TruthJoint, muscles: Muscles, baselines: Baselines, tries: int
     ) -> tuple[TuningBench, TunedPid]:
         """A true rig with the PID that was tuned on it, in these motions."""
-        bench = TuningBench(self.rig, joint, muscles, self.motions, self._seed, self.designs)
+        bench = TuningBench(self.rig, joint, muscles, self.motions, self.seed, self.designs)
         key = self._key(joint, muscles, tries)
         return bench, baselines.get(key, lambda: tune(bench, tries, self._pressure_loops))
 
     def _key(self, joint: TruthJoint, muscles: Muscles, tries: int) -> str:
-        parts = [self.rig.to_parameters(), joint, muscles, self.motions, self._seed, tries]
+        parts = [self.rig.to_parameters(), joint, muscles, self.motions, self.seed, tries]
         parts += [self._pressure_loops, code_version()]
         return hashlib.sha256(repr(parts).encode()).hexdigest()[:24]
 

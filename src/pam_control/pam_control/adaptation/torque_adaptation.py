@@ -22,7 +22,10 @@ taken over, or its stiffness changes, no function of the motion can tell this; i
 viscous friction or inertia. So a rival has the stiffness as well.
 
 Nothing is learnt from a joint that stands still, because its friction may then be anything, and
-what a slow joint shows counts by the way, not by the time. Dry friction and presliding are
+what a slow joint shows counts by the way, not by the time. The exception is where it stood when it
+was taken over: the torque that it needed there counts as one sample without friction. It tells a
+torque that is always there from friction, which is there only in motion; one stroke in one
+direction could not. Dry friction and presliding are
 ordinary: an explanation with them is the more probable one before anything was seen. Neither dry
 friction nor the whole viscous friction is negative.
 
@@ -45,6 +48,7 @@ from pam_control.adaptation.motion_functions import (
     element,
     move_memory,
 )
+from pam_control.adaptation.normal_equations import CORRELATED
 from pam_control.limited import limited
 from pam_control.rows.plan_rows import (
     A_BEFORE,
@@ -99,7 +103,6 @@ RIVALS: Final = (
 stiffness. Dry friction is ordinary. A delay has to explain what nothing else does. So has the
 stiffness, which friction resembles where a joint sticks while it is taken over; and a delay beside
 friction, of which the slip elements are only an approximation, even more."""
-SLOW_FUNCTIONS: Final = 3  # 1, q, q^3; with the stiffness, what the integral carries meanwhile
 DRY: Final = 0.02  # rad; longer slip elements are hysteresis, by which a joint does not stick
 
 
@@ -277,6 +280,8 @@ class TorqueAdaptation:
         begin_memory(self._row, A_PLANNED)
         self._row[A_BEGUN], self._row[A_SINCE] = 0.0, -self._turn * EVERY
         self._y[Y_PLANNED_AT] = self._y[Y_REFERENCE] = math.nan
+        self._waits, self._taken_over_at = True, math.nan
+        self._stood: tuple[tuple[float, ...], float] | None = None  # the sample there
 
     def update(self) -> float:
         """Learn from the filtered samples; due when `take_torque` says so.
@@ -284,34 +289,51 @@ class TorqueAdaptation:
         Returns
         -------
         float
-            What was learnt now of the slow part of the planned torque [N m]. The integral of the
-            feedback has carried it until now.
+            What was learnt now of the planned torque that lasts while the joint goes on [N m]. The
+            integral of the feedback has carried it until now.
         """
-        row, learnt = self._row, 0.0
-        speed_before, speed_twice = float(row[A_SPEED_BEFORE]), float(row[A_SPEED_TWICE])
-        if abs(speed_twice) > STILL:
-            # the difference below is the acceleration half a period ago
-            before, now = (map(float, row[at : at + N_SAMPLE]) for at in (A_BEFORE, A_TWICE))
-            smooth = [0.5 * (one + other) for one, other in zip(before, now, strict=True)]
-            speed = 0.5 * (speed_before + speed_twice)
-            motion = (speed, (float(row[A_SPEED_ONCE]) - speed_twice) / FILTER)
-            model = self._damping * motion[0] + self._inertia * motion[1]
-            functions = (*smooth[1:4], *motion, *smooth[4:])
-            learnt = -self._slow_part()
-            counted = float(row[A_SINCE]) * min(abs(speed) / SLOW, 1.0)
-            self._fit.update(functions, smooth[0] - model, counted)
-            self._use()
-            learnt += self._slow_part()
+        row = self._row
+        stands, since = abs(float(row[A_SPEED_TWICE])) <= STILL, float(row[A_SINCE])
         row[A_SINCE] = 0.0
-        return learnt
+        if stands and not self._waits:
+            return 0.0
+        before, (functions, value, speed) = self._lasting_part(), self._sample()
+        if self._waits:
+            self._wait(functions, value, stands)
+        if not stands:
+            self._fit.update(functions, value, since * min(abs(speed) / SLOW, 1.0))
+        self._use()
+        return self._lasting_part() - before
 
-    def _slow_part(self) -> float:
+    def _wait(self, functions: tuple[float, ...], value: float, stands: bool) -> None:
+        """Keep the sample of a joint that was taken over; take it when the reference moves."""
+        reference = float(self._y[Y_REFERENCE])
+        if math.isnan(self._taken_over_at):
+            self._taken_over_at = reference
+        if reference != self._taken_over_at:
+            self._waits = False
+            if self._stood is not None:
+                self._fit.update(*self._stood, CORRELATED)
+        elif stands:
+            self._stood = (functions, value)
+
+    def _sample(self) -> tuple[tuple[float, ...], float, float]:
+        """Values of the functions, the torque that they should explain [N m], speed [rad/s]."""
+        row = self._row
+        # the difference below is the acceleration half a period ago
+        before, now = (map(float, row[at : at + N_SAMPLE]) for at in (A_BEFORE, A_TWICE))
+        smooth = [0.5 * (one + other) for one, other in zip(before, now, strict=True)]
+        once, twice = float(row[A_SPEED_ONCE]), float(row[A_SPEED_TWICE])
+        speed, push = 0.5 * (float(row[A_SPEED_BEFORE]) + twice), (once - twice) / FILTER
+        model = self._damping * speed + self._inertia * push
+        return (*smooth[1:4], speed, push, *smooth[4:]), smooth[0] - model, speed
+
+    def _lasting_part(self) -> float:
+        """Of the planned torque, without what ends with the speed [N m]."""
         q = float(self._y[Y_REFERENCE])
         if math.isnan(q):
             return 0.0
-        constant, linear, cubic = self._fit.weights[:SLOW_FUNCTIONS]
-        sensors = self._fit.weights[STIFFNESS] * float(self._y[Y_STIFFNESS])
-        return constant + linear * q + cubic * q**3 + sensors
+        return weighted(self._row, float(self._y[Y_STIFFNESS]), q, 0.0, 0.0, False)
 
     def at_rest(self, position: float, limit: float) -> float:
         """The learnt torque of a joint that begins at rest at a position [rad], limited [N m]."""

@@ -108,6 +108,7 @@ from pam_control.rows.plan_rows import (
     X_VELOCITY,
     X_WANTED,
     Y_ADAPTED,
+    Y_HANDED,
     Y_LAGGING,
     Y_LAGGING_SPEED,
     Y_SINCE_ESTIMATE,
@@ -217,7 +218,7 @@ def measured_torques(c: Any, s: Any, w: Any, x: Any, table: Any) -> None:
 def ask_ahead(c: Any, w: Any, x: Any, y: Any) -> None:
     """Torque and stiffness for the time when the last valve acts."""
     then = w[last_to_act(w)]
-    x[X_ADDED] = x[X_KNOWN] - x[X_BASE]
+    x[X_ADDED] = x[X_KNOWN] - x[X_BASE] + y[Y_HANDED]
     x[X_ASKED_TORQUE] = needed_torque(c, then, W_ACTS) - x[X_ADDED]
     x[X_ASKED_STIFFNESS], x[X_ASKED_POSITION] = y[Y_STIFFNESS], then[W_ACTS + 1]
 
@@ -274,7 +275,10 @@ def aim_ahead(c: Any, s: Any, w: Any, x: Any, y: Any, a: Any) -> None:
     if s[S_ADAPTS] > 0.0:
         # a motion that is repeated keeps what it was played with
         if x[X_BASE] == x[X_USUAL]:
-            integral = handed_over(integral, x[X_LEARNT])
+            # by the feedforward, which is without the lag of the pressure loops: a change of the
+            # integral itself would come later than that of what was learnt, and be a push
+            carried = integral - y[Y_HANDED]
+            y[Y_HANDED] += carried - handed_over(carried, x[X_LEARNT])
         if a[A_KNOWS] > 0.0:  # so that a payload stays visible
             disturbance = (0.0 if math.isnan(disturbance) else disturbance) - x[X_BASE]
     friction = a[A_FRICTION] + dry_friction(c, 0.0)

@@ -78,6 +78,7 @@ from pam_control.rows.plan_rows import (
     X_TORQUE_SEEN,
     X_USUAL,
     Y_ADAPTED,
+    Y_HANDED,
     Y_LAGGING,
     Y_LAGGING_SPEED,
     Y_SINCE_ESTIMATE,
@@ -187,6 +188,7 @@ class PositionRows:
         begin_sticking(y)
         begin_history(y, self.memory[place])
         y[Y_ADAPTED], y[Y_LAGGING], y[Y_LAGGING_SPEED] = 0.0, math.nan, math.nan
+        y[Y_HANDED] = 0.0
         self.plans.clear(place)
         self.samples.clear(place)
         estimates.adaptation.restart()

@@ -54,6 +54,7 @@ from pam_control.rows.plan_rows import (
     X_TRUE_STIFFNESS,
     X_WANTED,
     Y_ADAPTED,
+    Y_HANDED,
     Y_LOST,
     Y_STIFFNESS,
 )
@@ -187,12 +188,13 @@ class PositionStiffness(Law[PositionStiffnessState]):
             added = 0.0
             if plans.ends[place][1] > 0:
                 ring, ends = plans.rows[place], plans.ends[place]
-                added = float(ring[newest(ring, ends)][P_MEMORY])
+                added = float(ring[newest(ring, ends)][P_MEMORY]) - float(state.y[Y_HANDED])
             if not start.adapts:  # the next plans lack what was learnt
                 added += float(state.y[Y_ADAPTED])
             planned = models.torque(start.reference) - added
             position = start.reference.position
             lost = float(state.y[Y_LOST]) if start.gains.observer > 0.0 else 0.0
+        state.y[Y_HANDED] = 0.0
         torque = models.model.torque(start.pressures, models.inside(position))
         plans.clear(place)
         return torque - planned - lost, state

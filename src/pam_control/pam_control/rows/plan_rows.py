@@ -51,9 +51,11 @@ N_CYCLE: Final = 48
 # state
 (Y_STIFFNESS, Y_ADAPTED, Y_LAGGING, Y_LAGGING_SPEED, Y_HISTORY_POSITION,
  Y_HISTORY_TIME, Y_SLIP, Y_GATHERED, Y_PLACE, Y_TARGET, Y_STUCK_INTEGRAL, Y_LOST, Y_SMOOTH_LOST,
- Y_MUSCLES, Y_MOTION, Y_SPEED, Y_OBSERVED, Y_PLANNED_AT, Y_REFERENCE, Y_SINCE_ESTIMATE) = range(20)
+ Y_MUSCLES, Y_MOTION, Y_SPEED, Y_OBSERVED, Y_PLANNED_AT, Y_REFERENCE, Y_SINCE_ESTIMATE,
+ Y_HANDED) = range(21)
 # fmt: on
-N_PLAN: Final = 20
+N_PLAN: Final = 21
+"""`Y_HANDED`: what the feedforward takes from the integral, which goes on with it [N m]."""
 
 # state and filters of what is learnt of the torque
 N_SAMPLE: Final = 12

@@ -1,0 +1,299 @@
+"""Whether swings are told: every rig that swings at rest, soon, and none that does not.
+
+`pam check told-swings` plays the motions of `rough_control` on the independent plant with hidden
+effects, pairs of them and delays, and lets the joint rest after each. A joint that goes on swinging
+has to be told within three seconds, by what the controller says or does. With `--ordinary`, each
+rig with one effect plays drawn motions for so long, as robots at work do: reaches, pauses and
+sines. What is told there of a joint that does not swing at rest is a false alarm.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Final
+
+import numpy as np
+
+from pam_check.blind.effect_cases import KNOWN, size_of
+from pam_check.blind.hidden_size import HiddenSize
+from pam_check.blind.truth_plant import Array, Sensors, TruthJoint
+from pam_check.control.closed_loop import (
+    APPROACH,
+    MOTIONS_BEGIN_AT,
+    PERIOD,
+    SETTLED,
+    START_PRESSURE,
+    TOLD,
+    Muscles,
+)
+from pam_check.control.rough_control import NOTHING, RoughControl
+from pam_check.control.running_truth import RunningTruth
+from pam_control.control_step import Measurement
+from pam_control.controller import Controller
+from pam_control.references.trajectory import TrajectoryPoint
+from pam_model.command_line import Arguments, Outcome, chosen_rig, progress
+from pam_model.errors import PamError
+from pam_model.rig import load_rig
+
+type HiddenRig = tuple[TruthJoint, Muscles]
+
+RESTS: Final = 5.0  # s, after the motion
+JUDGED: Final = 2.0  # s, the end of the rest
+LEAST: Final = 3e-3  # rad from peak to peak; what swings less is harmless
+TOLD_WITHIN: Final = 3.0  # s after the joint should rest
+LONGEST_PIECE: Final = 20.0  # s of ordinary motion, after which the controller starts anew
+PAUSES: Final = (0.1, 2.0)  # s
+REACHES: Final = (0.6, 2.0)  # s
+SINES: Final = (0.2, 1.5)  # Hz
+STEP: Final = 0.02  # s between waypoints
+
+
+def _late(commands: float = 0.0, encoder: float = 0.0, pressures: float = 0.0) -> HiddenSize:
+    """Delays of the commands and of the encoder, and a lag of the pressure sensors [s]."""
+    both = {"command_delay": commands, "pressure_lag": pressures}
+    return HiddenSize("", muscles=(both, both), joint={"position_delay": encoder})
+
+
+def _rubs(sliding: float, breakaway: float, speed: float) -> HiddenSize:
+    """Dry friction that falls with speed [N m], [rad/s]."""
+    joint = {"coulomb_torque": sliding, "static_torque": breakaway, "stribeck_speed": speed}
+    return HiddenSize("", joint=joint)
+
+
+WRONG_DIMENSIONS: Final = HiddenSize("", scaled_joint={"pulley_radius": 1.02})
+DELAYS: Final[Mapping[str, tuple[HiddenSize, ...]]] = {
+    **{f"commands {d} ms": (_late(commands=1e-3 * d),) for d in (10, 15, 20, 25, 30)},
+    **{f"encoder {d} ms": (_late(encoder=1e-3 * d),) for d in (10, 15, 20, 25, 30)},
+    **{f"pressures {d} ms": (_late(pressures=1e-3 * d),) for d in (10, 20, 30)},
+}
+COMBINED: Final[Mapping[str, tuple[HiddenSize, ...]]] = {
+    "hysteresis, commands 19 ms": (size_of("hysteresis"), _late(commands=0.019)),
+    "hysteresis, encoder 19 ms": (size_of("hysteresis"), _late(encoder=0.019)),
+    "hysteresis, dry friction, commands 10 ms, radius 2 %": (
+        size_of("hysteresis"), _rubs(0.3, 0.3, 0.1), _late(commands=0.01), WRONG_DIMENSIONS,
+    ),
+    "tube, dry friction": (size_of("tube_restriction"), size_of("coulomb_friction")),
+    "tube, falling friction": (size_of("tube_restriction"), size_of("stribeck_friction")),
+    "tube, hysteresis": (size_of("tube_restriction"), size_of("hysteresis")),
+    "dry friction, commands 15 ms": (size_of("coulomb_friction"), _late(commands=0.015)),
+    "falling friction 0.25 and 0.5 N m": (_rubs(0.25, 0.5, 0.1),),
+    "falling friction 0.4 and 0.8 N m, slow": (_rubs(0.4, 0.8, 0.05),),
+    "load, commands 15 ms": (size_of("payload"), _late(commands=0.015)),
+    "load, dry friction": (size_of("payload"), size_of("coulomb_friction")),
+    "dead zone, dry friction": (size_of("valve_dead_zone"), size_of("coulomb_friction")),
+}  # fmt: skip
+RIGS: Final[Mapping[str, tuple[HiddenSize, ...]]] = {
+    NOTHING: (),
+    **{effect: (size_of(effect),) for effect in KNOWN},
+    **DELAYS,
+    **COMBINED,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class SwingResult:
+    """One motion on one rig.
+
+    Attributes
+    ----------
+    rig, motion : str
+        What was hidden and what was played.
+    size : float
+        Way of the true error from peak to peak at the end of the rest, without its drift [rad];
+        infinite if the controller stopped.
+    told_at : float
+        When swings were told or acted upon first, after the motion began [s]; infinite if never.
+    late : float
+        The same after the joint should have come to rest; negative in motion [s].
+    told : str
+        What was told.
+    """
+
+    rig: str
+    motion: str
+    size: float
+    told_at: float
+    late: float
+    told: str
+
+    @property
+    def swings(self) -> bool:
+        """Whether the joint swings at rest."""
+        return LEAST < self.size < math.inf
+
+    @property
+    def untold(self) -> bool:
+        """Whether the joint swings at rest and this was not told in time."""
+        return self.swings and not self.late <= TOLD_WITHIN
+
+
+def hidden(rough: RoughControl, rig: str) -> HiddenRig:
+    """A rig of `RIGS`."""
+    joint, muscles = rough.hidden(NOTHING)
+    for size in RIGS[rig]:
+        joint, muscles = size.applied(joint, muscles)
+    return joint, muscles
+
+
+def played(
+    controller: Controller,
+    truth: HiddenRig,
+    points: Sequence[TrajectoryPoint],
+    seed: int,
+    rests: float = RESTS,
+) -> Iterator[tuple[float, float, str]]:
+    """Play a motion and rest, cycle by cycle.
+
+    Yields
+    ------
+    tuple of float, float, str
+        Time after the motion began [s]; error of the true angle [rad], NaN where the controller
+        has stopped, which is the end; and what was told so far.
+    """
+    moves = points[-1].time_from_start
+    count, begin = round((SETTLED + moves + rests) / PERIOD), round(SETTLED / PERIOD)
+    controller.drop_commands()
+    controller.forget_adaptation()
+    plant = RunningTruth(
+        *truth, Sensors(), np.random.default_rng(seed), period=PERIOD, count=count,
+        pressure=START_PRESSURE,
+    )  # fmt: skip
+    name, guard = controller.rig.joints[0].name, controller.guard
+    approach = [TrajectoryPoint(APPROACH[1], [MOTIONS_BEGIN_AT], [0.0], [0.0])]
+    starts = {round(APPROACH[0] / PERIOD): approach, begin: points}
+    commands = (0.0, 0.0)
+    for k in range(count):
+        now = k * PERIOD
+        shown = plant.advance(commands)
+        if k in starts:
+            controller.references.follow([name], starts[k], start=None, now=now)
+        output = controller.step(now, Measurement([shown[2]], [shown[0], shown[1]], now, now))
+        told = guard.stopped or guard.softened or guard.swings
+        if output.commands is None:
+            yield now - SETTLED, math.nan, told
+            return
+        commands = (output.commands[0], output.commands[1])
+        reference = controller.references.sample(name, now).position
+        yield now - SETTLED, reference - float(plant.truth[k, 2]), told
+
+
+def watch(
+    controller: Controller, truth: HiddenRig, points: Sequence[TrajectoryPoint], seed: int
+) -> tuple[float, float, str]:
+    """Play a motion and rest; return the swing at rest [rad], when what is told first [s], and it.
+
+    The swing of a joint that the controller has stopped is infinite.
+    """
+    errors: list[float] = []
+    told_at, first = math.inf, ""
+    for time, error, told in played(controller, truth, points, seed):
+        errors.append(error)
+        if told and not first:
+            told_at, first = time, told
+    if math.isnan(errors[-1]):
+        return math.inf, told_at, first
+    return swing_size(np.array(errors[-round(JUDGED / PERIOD) :])), told_at, first
+
+
+def swing_size(errors: Array) -> float:
+    """Way from peak to peak of an error without its drift, in its unit."""
+    times = np.arange(errors.size)
+    return float(np.ptp(errors - np.polyval(np.polyfit(times, errors, 1), times)))
+
+
+def ordinary_motion(random: np.random.Generator, seconds: float) -> list[TrajectoryPoint]:
+    """Drawn reaches of minimum jerk, pauses and sines, within so long [s]."""
+    points: list[TrajectoryPoint] = []
+    time, at = 0.0, MOTIONS_BEGIN_AT
+    while True:
+        if random.uniform() < 0.7:
+            target = float(random.uniform(-0.6, 0.6))
+            lasts = float(random.uniform(*REACHES)) * max(1.0, abs(target - at) / 0.6)
+            stroke, turns, hertz = target - at, 0.0, 0.0
+        else:
+            hertz, target, stroke = float(random.uniform(*SINES)), at, 0.0
+            turns = float(random.integers(2, 6))
+            lasts = turns / hertz
+        count = round(lasts / STEP)
+        if time + count * STEP > seconds:
+            return points
+        amplitude = min(0.25, 0.6 - abs(at)) * (1.0 if at < 0.0 else -1.0)
+        for index in range(1, count + 1):
+            x = index / count
+            smooth = x**3 * (10.0 - 15.0 * x + 6.0 * x * x)
+            fade = min(1.0, 4.0 * x * (1.0 - x) * 2.0)
+            wave = amplitude * fade**2 * math.sin(2.0 * math.pi * turns * x)
+            points.append(TrajectoryPoint(time + index * STEP, [at + stroke * smooth + wave]))
+        time, at = time + count * STEP + float(random.uniform(*PAUSES)), target
+        points.append(TrajectoryPoint(time, [at]))
+
+
+def _swings(rough: RoughControl, rig: str) -> list[SwingResult]:
+    results = []
+    for motion, points in rough.motions.items():
+        truth, moves = hidden(rough, rig), points[-1].time_from_start
+        size, told_at, told = watch(rough.controller, truth, points, rough.seed)
+        results.append(SwingResult(rig, motion, size, told_at, told_at - moves, told))
+    return results
+
+
+def _ordinary(rough: RoughControl, rig: str, seconds: float) -> list[SwingResult]:
+    results, number = [], 0
+    while seconds > 0.0:
+        piece = min(seconds, LONGEST_PIECE)
+        random = np.random.default_rng([rough.seed, list(RIGS).index(rig), number])
+        points = ordinary_motion(random, max(piece, 5.0))
+        found = watch(rough.controller, hidden(rough, rig), points, rough.seed + number)
+        moves = points[-1].time_from_start
+        results.append(SwingResult(rig, f"piece {number}", *found[:2], found[1] - moves, found[2]))
+        seconds, number = seconds - piece, number + 1
+    return results
+
+
+def _row(result: SwingResult) -> str:
+    size = "stopped" if math.isinf(result.size) else f"{1e3 * result.size:.1f} mrad"
+    told = f"after {result.told_at:.1f} s: {result.told}" if result.told else "nothing told"
+    return f"{result.rig:40s} {result.motion:10s} {size:>10s} {'UNTOLD' * result.untold:6s} {told}"
+
+
+def run(given: Arguments) -> Outcome:
+    """Play all motions and print the table; the command of `pam_check.__main__`.
+
+    Raises
+    ------
+    PamError
+        For a rig that is unknown or cannot be used.
+    """
+    rigs = given.rigs or (list(RIGS) if not given.ordinary else [NOTHING, *KNOWN])
+    for name in rigs:
+        if name not in RIGS:
+            raise PamError(f"--rigs {name}: unknown; expected some of {', '.join(RIGS)}")
+    settings = TOLD.replace(adaptation=not given.no_adaptation)
+    rough = RoughControl(load_rig(chosen_rig(given)), settings, given.seed)
+    results: list[SwingResult] = []
+    with progress(len(rigs), "rigs") as bar:
+        for done, name in enumerate(rigs, start=1):
+            found = (
+                _ordinary(rough, name, given.ordinary) if given.ordinary else _swings(rough, name)
+            )
+            results += found
+            for result in found:
+                if not given.ordinary or result.told or result.swings:
+                    print(_row(result), flush=True)
+            bar.show(done, name)
+    untold = [result for result in results if result.untold]
+    swinging = {result.rig for result in results if result.size > LEAST}
+    false = [result for result in results if result.told and result.rig not in swinging]
+    told = {result.rig for result in results if result.told}
+    print(
+        f"{len(rigs)} rigs: {len(swinging)} swing at rest or are stopped, "
+        f"{len({result.rig for result in untold})} of them untold after {TOLD_WITHIN:g} s; of "
+        f"{len(told)} something is told, of {len({result.rig for result in false})} that rest "
+        "quietly"
+    )
+    problems = [f"{each.rig}, {each.motion}: {1e3 * each.size:.1f} mrad untold" for each in untold]
+    if given.ordinary:
+        problems += [f"{each.rig}, {each.motion}: {each.told}" for each in false]
+    return Outcome({"seed": given.seed, "results": [asdict(each) for each in results]}, problems)
