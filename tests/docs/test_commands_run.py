@@ -31,6 +31,7 @@ NOT_RUN = {
     r".*pam gap (calibrate|diagnose|fleet|import|compare) ": "needs recordings; in tests/pam_gap",
     r".*pam gap record ": "needs a running robot; tests/pam_gap runs it",
     r".*pam model gallery|.*--page docs/": "rewrites pages of this project",
+    r"git clone ": "needs the network",
     r"firmware": "is built by tests/firmware",
 }
 """What is not carried out here, and why; a command that matches none of these is."""

@@ -217,7 +217,7 @@ def _disturbances(given: Arguments) -> Outcome:
     return run(given)
 
 
-def _declare_told_swings(parser: Parser) -> None:
+def _declare_reported_swings(parser: Parser) -> None:
     add_rig(parser)
     add_seed(parser, 1)
     parser.add_argument("--rigs", nargs="+", metavar="NAME", help="rigs (default: each)")
@@ -234,8 +234,8 @@ def _declare_told_swings(parser: Parser) -> None:
     )
 
 
-def _told_swings(given: Arguments) -> Outcome:
-    from pam_check.control.told_swings import run  # noqa: PLC0415  (numba)
+def _reported_swings(given: Arguments) -> Outcome:
+    from pam_check.control.reported_swings import run  # noqa: PLC0415  (numba)
 
     return run(given)
 
@@ -320,16 +320,16 @@ COMMANDS = (
     ),
     DISTURBANCES,
     Command(
-        "told-swings",
+        "reported-swings",
         "hide effects, pairs of them and delays, and show which joints swing at rest and when the "
         "controller tells it",
-        _declare_told_swings,
-        _told_swings,
+        _declare_reported_swings,
+        _reported_swings,
         bad_news="if a joint swings at rest and this is not told within 3 s, or with --ordinary "
         "something is told of a joint that does not swing",
         examples=(
-            'pam check told-swings --rigs payload "commands 30 ms" --no-adaptation',
-            "pam check told-swings --ordinary 140",
+            'pam check reported-swings --rigs payload "commands 30 ms" --no-adaptation',
+            "pam check reported-swings --ordinary 140",
         ),
     ),
 )

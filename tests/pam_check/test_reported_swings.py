@@ -10,8 +10,7 @@ import pytest
 
 from pam_check.__main__ import main
 from pam_check.control.closed_loop import PERIOD, TOLD
-from pam_check.control.rough_control import RoughControl
-from pam_check.control.told_swings import (
+from pam_check.control.reported_swings import (
     TOLD_WITHIN,
     SwingResult,
     hidden,
@@ -19,6 +18,7 @@ from pam_check.control.told_swings import (
     played,
     swing_size,
 )
+from pam_check.control.rough_control import RoughControl
 from pam_model.rig import load_rig
 
 ELBOW = Path(__file__).parents[2] / "config" / "elbow.yaml"
@@ -82,5 +82,5 @@ def test_ordinary_motion_is_within_the_range_of_the_joint_and_not_too_long():
 
 
 def test_an_unknown_rig_is_one_line_and_exit_code_2(capsys):
-    assert main(["told-swings", "--rigs", "gremlins"]) == 2
+    assert main(["reported-swings", "--rigs", "gremlins"]) == 2
     assert "--rigs gremlins: unknown" in capsys.readouterr().err

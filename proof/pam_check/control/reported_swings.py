@@ -1,10 +1,11 @@
-"""Whether swings are told: every rig that swings at rest, soon, and none that does not.
+"""Whether swings are reported: every rig that swings at rest, soon, and none that does not.
 
-`pam check told-swings` plays the motions of `rough_control` on the independent plant with hidden
-effects, pairs of them and delays, and lets the joint rest after each. A joint that goes on swinging
-has to be told within three seconds, by what the controller says or does. With `--ordinary`, each
-rig with one effect plays drawn motions for so long, as robots at work do: reaches, pauses and
-sines. What is told there of a joint that does not swing at rest is a false alarm.
+`pam check reported-swings` plays the motions of `rough_control` on the independent plant with
+hidden effects, pairs of them and delays, and lets the joint rest after each. A joint that goes on
+swinging has to be reported within three seconds, by what the controller says or does. With
+`--ordinary`, each rig with one effect plays drawn motions for so long, as robots at work do:
+reaches, pauses and sines. What is reported there of a joint that does not swing at rest is a false
+alarm.
 """
 
 from __future__ import annotations
