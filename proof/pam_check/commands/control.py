@@ -322,11 +322,11 @@ COMMANDS = (
     Command(
         "reported-swings",
         "hide effects, pairs of them and delays, and show which joints swing at rest and when the "
-        "controller tells it",
+        "controller reports it",
         _declare_reported_swings,
         _reported_swings,
-        bad_news="if a joint swings at rest and this is not told within 3 s, or with --ordinary "
-        "something is told of a joint that does not swing",
+        bad_news="if a joint swings at rest and this is not reported within 3 s, or with "
+        "--ordinary something is reported of a joint that does not swing",
         examples=(
             'pam check reported-swings --rigs payload "commands 30 ms" --no-adaptation',
             "pam check reported-swings --ordinary 140",

@@ -19,10 +19,10 @@ from scipy.signal import butter, lfilter, sosfiltfilt
 from pam_model.errors import PamError
 from pam_model.gas import GAS_CONSTANT
 from pam_model.joints.joint_statics import JointStatics
-from pam_model.physics.joint_geometry import AGONIST_SIGN, ANTAGONIST_SIGN, muscle_length
 from pam_model.rig.types import Muscle, Rig
 from pam_model.robot.compose import compose
 from pam_model.views.gas_volume import gas_volume
+from pam_model.views.muscle_path import path_length
 from pam_model.views.pressure_rate import valve_mass_flow
 
 Array = npt.NDArray[np.float64]
@@ -273,9 +273,8 @@ def _gas_balance(
     rig: Rig, joint: int, muscle: Muscle, side: int, records: Sequence[MotionRecord]
 ) -> dict[str, float]:
     """V dP/dt + k P dV/dt = k R T mdot, linear in the conductance and the dead volume."""
-    entry, robot = rig.joints[joint], compose(rig)
+    robot = compose(rig)
     built = next(m for m in robot.muscles if m.name == muscle.name)
-    sign = (AGONIST_SIGN, ANTAGONIST_SIGN)[side]
     exponent = rig.gas.polytropic_exponent
     columns, targets = [], []
     for record in records:
@@ -293,10 +292,7 @@ def _gas_balance(
         heat = exponent * GAS_CONSTANT * rig.gas.temperature  # J/kg
         try:
             knots = np.linspace(record.position.min(), record.position.max(), 33)
-            lengths = [
-                muscle_length(muscle.neutral_length, sign, entry.pulley_radius, float(q))
-                for q in knots
-            ]
+            lengths = [path_length(built, {joint: q}) for q in knots.tolist()]
             braid = [gas_volume(built, length) - built.dead_volume for length in lengths]
         except PamError:
             continue
