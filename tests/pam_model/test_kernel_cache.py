@@ -140,3 +140,26 @@ def test_what_is_compiled_already_is_read_without_what_can_compile(tmp_path: Pat
     plain = [*scope["laws"](row, 0.7), *row]
     assert one == other == repr(plain)
     assert all(map(math.isfinite, row))
+
+
+ALLOCATES = (
+    "import sys, numba, numpy\n"
+    "sys.path.insert(0, sys.argv[1])\n"
+    "from pam_model.machine_code_cache import keep_machine_code\n"
+    "import sums\n"
+    "print(keep_machine_code(numba.njit(sums.total))(4))\n"
+)
+
+
+@pytest.mark.skipif(not compiled.HAVE_NUMBA, reason="without numba nothing is kept")
+def test_what_makes_arrays_and_is_read_before_anything_is_compiled_ends_no_process(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "sums.py").write_text(
+        "import numpy\ndef total(n):\n    made = numpy.ones(n)\n    return made.sum()\n"
+    )
+    words = [sys.executable, "-c", ALLOCATES, str(tmp_path)]
+    for _ in range(2):
+        done = subprocess.run(words, capture_output=True, text=True, check=False)
+        assert (done.returncode, done.stdout) == (0, "4.0\n"), done.stderr
+    assert list(tmp_path.rglob("*.nbc"))

@@ -12,6 +12,7 @@ import logging
 from typing import Any
 
 from numba.core.caching import FunctionCache
+from numba.core.runtime import rtsys
 
 _log = logging.getLogger(__name__)
 
@@ -22,8 +23,9 @@ class MachineCodeCache(FunctionCache):  # type: ignore[misc]
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """The compiled function for a signature; None if it has to be compiled."""
         try:
-            # numba first imports all that it can compile (0.5 s and 100 MB), which what is already
-            # compiled does not need
+            # numba first imports all that it can compile (0.5 s and 100 MB). What is already
+            # compiled needs only what allocates its arrays; without, it would end the process.
+            rtsys.initialize(target_context)
             with self._guard_against_spurious_io_errors():
                 return self._load_overload(sig, target_context)
         except Exception:  # pickle raises nearly anything for a damaged file
