@@ -179,7 +179,7 @@ def test_the_rest_after_a_take_over_tells_a_load_from_friction(load, friction):
         position = 0.5 * x**3 * (10.0 - 15.0 * x + 6.0 * x * x)
         speed = 0.5 / 0.8 * 30.0 * x * x * (1.0 - x) ** 2
         push = 0.5 / 0.8**2 * 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x)
-        learnt_torque(y, row, k * step, position, speed, push, LARGEST)
+        learnt_torque(y, row, k * step, position, speed, push)
         beside = load + friction * np.tanh(speed / 0.02) + damping * speed + inertia * push
         if take_torque(row, step, beside, 0.0, position, speed, 0.01, STIFF):
             learnt.update()

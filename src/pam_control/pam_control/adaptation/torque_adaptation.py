@@ -189,16 +189,13 @@ def weighted(
 
 
 def learnt_torque(
-    y: Any, row: Any, time: float, position: float, velocity: float, acceleration: float,
-    limit: float,
-) -> float:  # fmt: skip
-    """Torque [N m] to be added for the reference at a time [s], within a limit [N m]."""
+    y: Any, row: Any, time: float, position: float, velocity: float, acceleration: float
+) -> float:
+    """Torque [N m] to be added for the reference at a time [s]."""
     step = 0.0 if math.isnan(y[Y_PLANNED_AT]) else max(time - y[Y_PLANNED_AT], 0.0)
     y[Y_PLANNED_AT], y[Y_REFERENCE] = time, position
     move_memory(row, A_PLANNED, position, step)
-    return limited(
-        weighted(row, y[Y_STIFFNESS], position, velocity, acceleration, False), -limit, limit
-    )
+    return weighted(row, y[Y_STIFFNESS], position, velocity, acceleration, False)
 
 
 class TorqueAdaptation:

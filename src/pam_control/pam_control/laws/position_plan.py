@@ -15,7 +15,7 @@ from pam_control.adaptation.torque_adaptation import learnt_torque, take_torque
 from pam_control.compensation.dry_friction import friction_change
 from pam_control.compensation.history_torque import history_torque
 from pam_control.feedback.disturbance_observer import observed_loss
-from pam_control.feedback.pid import handed_over
+from pam_control.feedback.pid import hand_over
 from pam_control.feedback.stuck_integral import given_back
 from pam_control.limited import limited
 from pam_control.plan_memory import (
@@ -76,6 +76,7 @@ from pam_control.rows.plan_rows import (
     X_ESTIMATE_DUE,
     X_FACTOR,
     X_FRESH,
+    X_HANDED,
     X_INSIDE,
     X_INTEGRAL,
     X_IS_DUE,
@@ -104,6 +105,7 @@ from pam_control.rows.plan_rows import (
     X_TORQUE_SEEN,
     X_TRUE_STIFFNESS,
     X_UNEXPLAINED,
+    X_UNLIMITED,
     X_USUAL,
     X_VELOCITY,
     X_WANTED,
@@ -199,9 +201,10 @@ def observe(
         else:
             w[k][W_PLANNED] = w[k][W_SHOWN] = w[k][W_DESIRED]
     x[X_KNOWN] = history_torque(c, j, w, y, memory, time, position, velocity, push)
-    x[X_USUAL] = 0.0
+    x[X_UNLIMITED] = 0.0
     if s[S_ADAPTS] > 0.0:
-        x[X_USUAL] = learnt_torque(y, a, time, position, velocity, push, s[S_ADAPTATION_LIMIT])
+        x[X_UNLIMITED] = learnt_torque(y, a, time, position, velocity, push)
+    x[X_USUAL] = limited(x[X_UNLIMITED], -s[S_ADAPTATION_LIMIT], s[S_ADAPTATION_LIMIT])
     x[X_BASE], x[X_CORRECTION] = x[X_USUAL], 0.0
 
 
@@ -277,14 +280,15 @@ def aim_ahead(c: Any, s: Any, w: Any, x: Any, y: Any, a: Any) -> None:
         if x[X_BASE] == x[X_USUAL]:
             # by the feedforward, which is without the lag of the pressure loops: a change of the
             # integral itself would come later than that of what was learnt, and be a push
-            carried = integral - y[Y_HANDED]
-            y[Y_HANDED] += carried - handed_over(carried, x[X_LEARNT])
+            most = s[S_ADAPTATION_LIMIT]
+            acts = limited(x[X_UNLIMITED] + x[X_LEARNT], -most, most) - x[X_BASE]
+            y[Y_HANDED] = hand_over(integral - y[Y_HANDED], acts, y[Y_HANDED], most)
         if a[A_KNOWS] > 0.0:  # so that a payload stays visible
             disturbance = (0.0 if math.isnan(disturbance) else disturbance) - x[X_BASE]
     friction = a[A_FRICTION] + dry_friction(c, 0.0)
     integral -= given_back(y, x, X_SEEN + 1, x[X_POSITION], integral, friction)
     y[Y_ADAPTED] = x[X_BASE]
-    x[X_NEW_INTEGRAL], x[X_DISTURBANCE] = integral, disturbance
+    x[X_NEW_INTEGRAL], x[X_DISTURBANCE], x[X_HANDED] = integral, disturbance, y[Y_HANDED]
     x[X_ASKED_TORQUE], x[X_ASKED_STIFFNESS] = x[X_PLANNED_TORQUE], x[X_PAST_STIFFNESS]
     x[X_ASKED_POSITION] = x[X_NOW + 1]
     for k in range(len(w)):
@@ -293,7 +297,7 @@ def aim_ahead(c: Any, s: Any, w: Any, x: Any, y: Any, a: Any) -> None:
 
 def aim_at_output(w: Any, x: Any, y: Any) -> None:
     """Torque and stiffness for now, without a feedforward."""
-    x[X_NEW_INTEGRAL], x[X_DISTURBANCE] = x[X_INTEGRAL], math.nan
+    x[X_NEW_INTEGRAL], x[X_DISTURBANCE], x[X_HANDED] = x[X_INTEGRAL], math.nan, 0.0
     x[X_ASKED_TORQUE], x[X_ASKED_STIFFNESS] = x[X_OUTPUT], y[Y_STIFFNESS]
     x[X_ASKED_POSITION] = x[X_POSITION]
     for k in range(len(w)):

@@ -45,8 +45,10 @@ X_SEEN, X_NOW = 8, 12
  X_BASE, X_CORRECTION, X_ASKED_TORQUE, X_ASKED_STIFFNESS, X_ASKED_POSITION, X_REACHED_TORQUE,
  X_REACHED_STIFFNESS, X_TORQUE_LIMITED, X_STIFFNESS_LIMITED, X_ADDED, X_LOST, X_BESIDE, X_LEARNT,
  X_PLANNED_TORQUE, X_PAST_STIFFNESS, X_IS_DUE, X_ESTIMATE_DUE, X_MISSED, X_NEW_INTEGRAL, X_TORQUE,
- X_STIFFNESS, X_TRUE_STIFFNESS, X_DISTURBANCE, X_OBSERVER, X_UNEXPLAINED) = range(16, 48)
-N_CYCLE: Final = 48
+ X_STIFFNESS, X_TRUE_STIFFNESS, X_DISTURBANCE, X_OBSERVER, X_UNEXPLAINED, X_UNLIMITED,
+ X_HANDED) = range(16, 50)
+N_CYCLE: Final = 50
+"""`X_UNLIMITED`: the learnt torque before its limit; `X_HANDED`: `Y_HANDED`, for the integral."""
 
 # state
 (Y_STIFFNESS, Y_ADAPTED, Y_LAGGING, Y_LAGGING_SPEED, Y_HISTORY_POSITION,
@@ -55,7 +57,7 @@ N_CYCLE: Final = 48
  Y_HANDED) = range(21)
 # fmt: on
 N_PLAN: Final = 21
-"""`Y_HANDED`: what the feedforward takes from the integral, which goes on with it [N m]."""
+"""`Y_HANDED`: what the feedforward takes off the integral, which goes on with it [N m]."""
 
 # state and filters of what is learnt of the torque
 N_SAMPLE: Final = 12
