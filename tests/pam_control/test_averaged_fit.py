@@ -19,7 +19,7 @@ from pam_control.adaptation.torque_adaptation import (
     SLIPS,
     STIFFNESS,
     TorqueAdaptation,
-    learnt_torque,
+    move_reference,
     take_torque,
 )
 from pam_control.rows.plan_rows import N_LEARNING, N_MEMORY, N_PLAN, Y_STIFFNESS
@@ -179,7 +179,7 @@ def test_the_rest_after_a_take_over_tells_a_load_from_friction(load, friction):
         position = 0.5 * x**3 * (10.0 - 15.0 * x + 6.0 * x * x)
         speed = 0.5 / 0.8 * 30.0 * x * x * (1.0 - x) ** 2
         push = 0.5 / 0.8**2 * 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x)
-        learnt_torque(y, row, k * step, position, speed, push)
+        move_reference(y, row, k * step, position)
         beside = load + friction * np.tanh(speed / 0.02) + damping * speed + inertia * push
         if take_torque(row, step, beside, 0.0, position, speed, 0.01, STIFF):
             learnt.update()

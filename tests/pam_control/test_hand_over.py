@@ -42,14 +42,13 @@ class ToldAdaptation:
         self._row, self._torques = row, torques
         self.delay, self.acts = 0.0, [0.0, 0.0]  # before and after the last step, in the limit
 
-    def update(self) -> float:
+    def update(self) -> None:
         before = float(self._row[A_WEIGHTS])
         if self._torques.random() < 0.3:
             self._row[A_WEIGHTS] = self._torques.uniform(-2.0, 2.0) * MOST_LEARNT
         self._row[A_KNOWS] = 1.0
         now = float(self._row[A_WEIGHTS])
         self.acts = [max(-MOST_LEARNT, min(MOST_LEARNT, each)) for each in (before, now)]
-        return now - before
 
     def restart(self) -> None:
         pass

@@ -11,7 +11,7 @@ import math
 from typing import Any, Final
 
 from pam_control.adaptation.stiffness_estimate import EVERY as ESTIMATE_EVERY
-from pam_control.adaptation.torque_adaptation import learnt_torque, take_torque
+from pam_control.adaptation.torque_adaptation import learnt_torque, move_reference, take_torque
 from pam_control.compensation.dry_friction import friction_change
 from pam_control.compensation.history_torque import history_torque
 from pam_control.feedback.disturbance_observer import observed_loss
@@ -82,7 +82,6 @@ from pam_control.rows.plan_rows import (
     X_IS_DUE,
     X_KNOWN,
     X_LAGGING_INSIDE,
-    X_LEARNT,
     X_LOST,
     X_MEASURED_AT,
     X_MISSED,
@@ -105,7 +104,6 @@ from pam_control.rows.plan_rows import (
     X_TORQUE_SEEN,
     X_TRUE_STIFFNESS,
     X_UNEXPLAINED,
-    X_UNLIMITED,
     X_USUAL,
     X_VELOCITY,
     X_WANTED,
@@ -201,10 +199,10 @@ def observe(
         else:
             w[k][W_PLANNED] = w[k][W_SHOWN] = w[k][W_DESIRED]
     x[X_KNOWN] = history_torque(c, j, w, y, memory, time, position, velocity, push)
-    x[X_UNLIMITED] = 0.0
+    x[X_USUAL] = 0.0
     if s[S_ADAPTS] > 0.0:
-        x[X_UNLIMITED] = learnt_torque(y, a, time, position, velocity, push)
-    x[X_USUAL] = limited(x[X_UNLIMITED], -s[S_ADAPTATION_LIMIT], s[S_ADAPTATION_LIMIT])
+        move_reference(y, a, time, position)
+        x[X_USUAL] = learnt_torque(y, a, then, W_ACTS, s[S_ADAPTATION_LIMIT])
     x[X_BASE], x[X_CORRECTION] = x[X_USUAL], 0.0
 
 
@@ -253,7 +251,7 @@ def plan_now(
             x[X_OBSERVER], s[S_SPEED_FILTER], s[S_OBSERVER_LIMIT],
         )  # fmt: skip
         torque += x[X_LOST]
-    x[X_PLANNED_TORQUE], x[X_LEARNT] = torque, 0.0
+    x[X_PLANNED_TORQUE] = torque
     x[X_IS_DUE] = x[X_ESTIMATE_DUE] = 0.0
     x[X_UNEXPLAINED] = math.nan
     if s[S_ADAPTS] > 0.0:
@@ -280,8 +278,8 @@ def aim_ahead(c: Any, s: Any, w: Any, x: Any, y: Any, a: Any) -> None:
         if x[X_BASE] == x[X_USUAL]:
             # by the feedforward, which is without the lag of the pressure loops: a change of the
             # integral itself would come later than that of what was learnt, and be a push
-            most = s[S_ADAPTATION_LIMIT]
-            acts = limited(x[X_UNLIMITED] + x[X_LEARNT], -most, most) - x[X_BASE]
+            then, most = w[last_to_act(w)], s[S_ADAPTATION_LIMIT]
+            acts = learnt_torque(y, a, then, W_ACTS, most) - x[X_BASE] if x[X_IS_DUE] > 0.0 else 0.0
             y[Y_HANDED] = hand_over(integral - y[Y_HANDED], acts, y[Y_HANDED], most)
         if a[A_KNOWS] > 0.0:  # so that a payload stays visible
             disturbance = (0.0 if math.isnan(disturbance) else disturbance) - x[X_BASE]
