@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from pam_model.errors import RigError
+from pam_model.rig.arms import arms_of
 from pam_model.rig.file import read_parameters
 from pam_model.rig.keys import BETWEEN, NUMBERS, Key, Problems, Section
 from pam_model.rig.parser import parse_rig, unflatten
@@ -165,10 +166,12 @@ def _range(section: Section, name: str, key: Key) -> tuple[float, float] | None:
 def _with_guesses(rig: Rig, missing: set[str]) -> Rig:
     """The rig with guesses of inertia and friction that suit the torque of its muscles."""
     guesses = {"inertia": INERTIA_PER_TORQUE, "viscous_friction": FRICTION_PER_TORQUE}
-    for joint in rig.joints:
-        muscle = rig.muscle(joint.agonist)
+    for arm in arms_of(rig):
+        joint, muscle = rig.joints[arm.joint], rig.muscles[arm.muscle]
+        if arm.length < 0.0:
+            continue
         model = rig.force_model(muscle.name)
-        torque = joint.pulley_radius * model.force(muscle.max_pressure, muscle.neutral_length)
+        torque = arm.length * model.force(muscle.max_pressure, muscle.neutral_length)
         changes: dict[str, Any] = {
             name: per_torque * float(torque)
             for name, per_torque in guesses.items()
