@@ -73,8 +73,8 @@ UNEXPLAINED: Final = N_SUMS
 # Rows of weights: as the data show them, as they are used, bounds, sums, and scratch
 FITTED, FOLLOWED, BOUND, WANTED, SIDE, N_ROWS = range(6)
 # Of each rival: log odds, least gain, logarithm of the determinant of its penalty, what it leaves,
-# evidence, probability,
-# number of its functions, what noise alone would explain with them, and whether they are exact
+# evidence, probability, number of its functions, what it would explain of noise, and whether it is
+# exact
 (ODDS, BETTER, PRIOR_SIZE, LEFT, EVIDENCE, PROBABILITY, COUNT, BY_CHANCE, EXACT,
  N_RIVAL) = range(10)  # fmt: skip
 
