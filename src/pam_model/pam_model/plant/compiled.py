@@ -181,6 +181,11 @@ def entry_point[F: Callable[..., Any]](function: F) -> F:
     return _compiled(function, cache=True)
 
 
+def fused_entry_point[F: Callable[..., Any]](function: F) -> F:
+    """An entry point that is compiled like `compiled_fused`, with all that it calls."""
+    return _compiled(function, cache=True, fused=True)
+
+
 def compiled_loop[F: Callable[..., Any]](function: F) -> F:
     """Compile a loop over lanes; it stays a function of its own, so that it becomes vector code."""
     return _compiled(function, cache=False, inlined=False)
