@@ -267,7 +267,7 @@ class PressurePlausibility:
         """The deviations above the warning share of their limit."""
         share, found = self._limits.warning_share, []
         # a muscle below this share of both its limits has none, however the other one deviates
-        if any([abs(muscle.residual) / muscle.pair_limit > share for muscle in self._muscles]):
+        if any(abs(muscle.residual) / muscle.pair_limit > share for muscle in self._muscles):
             found += self._of_pressures()
         for joint in self._joints:
             size = abs(joint.imbalance) / joint.limit

@@ -239,6 +239,14 @@ def prepare(function: Any, *arguments: Any) -> None:
         function.compile(tuple(map(numba.typeof, arguments)))
 
 
+def listed_column(array: Any, place: int) -> list[Any]:
+    """The same of one number of each row, which may lie in further rows."""
+    if HAVE_NUMBA:
+        return array[..., place].tolist()  # type: ignore[no-any-return]
+    nested = isinstance(array[0][0], list)
+    return [listed_column(row, place) if nested else row[place] for row in array]
+
+
 def listed(array: Any) -> list[Any]:
     """What `for_kernel` made, as nested lists of Python floats."""
     return array.tolist() if HAVE_NUMBA else array  # type: ignore[no-any-return]
