@@ -374,7 +374,7 @@ class Driver:
             self._boards.latch_fault(now)
         if OUTPUTS[self.state].lower:
             self._lower(now)
-        return snapshot._replace(state=self.state)
+        return snapshot if self.state is snapshot.state else snapshot._replace(state=self.state)
 
     def _look(self, board: Board, time: float) -> None:
         """Keep what a board says before its next frame replaces it."""
