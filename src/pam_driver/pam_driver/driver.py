@@ -467,7 +467,7 @@ class Driver:
         held = self.people.pressed(now)
         # a board that was just asked to clear its faults needs a moment to report it
         if not held and now - self._cleared_at > self._settings.board_timeout:
-            held = tuple(self._judge.passing(self._boards.host_faults(), "latched_fault"))
+            held = self._judge.passing(self._boards.host_faults(), "latched_fault")
         if held:
             before = self.state
             self._event(SafetyEvent.LATCHED_FAULT, now)

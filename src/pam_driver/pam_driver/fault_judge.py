@@ -169,7 +169,7 @@ class FaultJudge:
         if time - cleared_at > self._settings.board_timeout:
             self._kept.keep(host_fault_of(board))
 
-    def passing(self, found: Iterable[Condition], kind: str) -> Iterator[Condition]:
+    def passing(self, found: Iterable[Condition], kind: str) -> tuple[Condition, ...]:
         """What holds now of a kind, and what held of it since the last judgement."""
         return self._kept.added_to(found, kind)
 

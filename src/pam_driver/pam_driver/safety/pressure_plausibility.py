@@ -265,7 +265,8 @@ class PressurePlausibility:
 
     def deviations(self) -> list[Deviation]:
         """The deviations above the warning share of their limit."""
-        share, found = self._limits.warning_share, []
+        found: list[Deviation] = []
+        share = self._limits.warning_share
         # a muscle below this share of both its limits has none, however the other one deviates
         if any(abs(muscle.residual) / muscle.pair_limit > share for muscle in self._muscles):
             found += self._of_pressures()

@@ -121,7 +121,8 @@ class SensorChecks:
         now : float
             Monotonic time [s].
         """
-        share, found = self._limits.warning_share, []
+        found: list[Deviation] = []
+        share = self._limits.warning_share
         for place, (signal, sample) in enumerate(zip(self._pressures, pressures, strict=True)):
             if signal.update(sample, now) or sample.value / _LOWEST_PRESSURE > share:
                 found += self._of_pressure(place, signal, sample.value, now)
