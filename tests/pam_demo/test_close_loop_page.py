@@ -35,7 +35,7 @@ def test_the_page_tells_hidden_and_found_and_the_errors_of_both_runs(tmp_path: P
     text = page(tmp_path, [after], [ClosedLoopFigure("arm", 0.02, 0.001, 0.021, 0.0012)])
     for shown in (
         "<b>coulomb_friction.torque=0.5</b>", "The cause is Coulomb friction.", "0.49 to 0.52",
-        '<td class="n">20.00</td>', '<td class="n good">0.05', "A real &lt;arm&gt;",
+        '<td class="n">20.00</td>', '<td class="n"><span class="good">0.05', "A real &lt;arm&gt;",
     ):  # fmt: skip
         assert shown in text
     for look in ("prefers-color-scheme: dark", "width=device-width", 'class="wide" tabindex="0"'):

@@ -198,10 +198,8 @@ def diagnose_files(
         if not answer_only:
             # a first look does without the time to import matplotlib and bokeh
             from pam_gap.answer.report import write_report  # noqa: PLC0415
-            from pam_gap.answer.report_of_diagnosis import report_data  # noqa: PLC0415
 
-            data = report_data(engine.problem, diagnosis, improved_name)
-            write_report(data, folder / "report.html")
+            write_report(folder / "report.html", engine.problem, diagnosis, improved_name)
         answers.append(diagnosis)
     return answers
 
