@@ -265,7 +265,7 @@ def test_an_empty_rig_file_is_named(tool, command, tmp_path, capfd, monkeypatch)
         ("pam_model", ["show", "gaylord", "--output", "picture.nonsense"], "nonsense"),
         ("pam_sim", ["rig", "--rig", str(ELBOW), "--dbc", "empty.csv"], "empty.csv"),
         ("pam_sim", ["rig", "--rig", str(ELBOW), "--effect", "x=1"], "effect"),
-        ("pam_sim", ["fault-tables", "empty.csv"], "empty.csv"),
+        ("pam_check", ["fault-tables", "empty.csv"], "empty.csv"),
         ("pam_driver", ["check-rig", "empty.csv"], "empty.csv"),
         ("pam_driver", ["monitor", "empty.csv"], "empty.csv"),
         ("pam_driver", ["scan", "--channel", "no_such_bus"], "no_such_bus"),

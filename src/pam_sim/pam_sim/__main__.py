@@ -24,7 +24,6 @@ from pam_model.command_line import (
     add_rig,
     start_node,
 )
-from pam_model.errors import PamError
 
 if TYPE_CHECKING:
     from pam_ros.node_help import NodeHelp
@@ -97,25 +96,6 @@ def _declare_rig(parser: Parser) -> None:
     add("--seed", type=count(0), default=0, help="seed of the noise (default: %(default)s)")
 
 
-def _fault_tables(given: Arguments) -> Outcome:
-    from pam_sim.faults.kinds import write_into  # noqa: PLC0415
-
-    for page in given.pages:
-        try:
-            text = write_into(page.read_text(encoding="utf-8"))
-        except (PamError, UnicodeDecodeError) as error:
-            raise PamError(f"{page}: {error}") from None
-        page.write_text(text, encoding="utf-8")
-        print(f"written: {page}")
-    return Outcome({"written": given.pages})
-
-
-def _declare_fault_tables(parser: Parser) -> None:
-    parser.add_argument(
-        "pages", type=input_file, nargs="+", metavar="PAGE", help="Markdown file with the marks"
-    )
-
-
 def _node(arguments: Sequence[str] | None) -> int:
     from pam_sim.rig_node import main as run  # noqa: PLC0415  (rclpy)
 
@@ -144,16 +124,7 @@ COMMANDS = (
             "pam sim rig --rig config/elbow.yaml --interface udp_multicast --channel 239.74.163.2",
         ),
     ),
-    Command(
-        "fault-tables",
-        "update the tables of states and faults in a page of the documentation",
-        _declare_fault_tables,
-        _fault_tables,
-        examples=("pam sim fault-tables docs/safety_tables.md",),
-    ),
 )
-
-
 TOOL = Tool("sim", "A simulated rig with valve boards, as a program and as a node", COMMANDS)
 
 
