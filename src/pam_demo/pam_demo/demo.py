@@ -33,7 +33,7 @@ from pam_demo.motions import APPROACH, DemoMotion, all_motions
 from pam_demo.page import write_page, write_picture
 from pam_demo.player import TAIL, NotPlayedError, OpenPlayer, Player
 from pam_demo.processes import NodeProcess, Setting
-from pam_demo.programs import RECORDER
+from pam_demo.programs import RECORDER, recorder_words
 from pam_gap.answer.user_units import told
 from pam_model.command_line import Arguments, Outcome, Progress, chosen_rig, progress
 from pam_model.errors import PamError
@@ -129,7 +129,7 @@ def perform(
         chain.processes["recorder"] = NodeProcess(
             RECORDER,
             environment=chain.environment,
-            arguments=["--out", str(bag), "--realtime-priority", str(LOWEST_PRIORITY)],
+            arguments=recorder_words(chain.params_files[0], bag, LOWEST_PRIORITY),
         )
         rig = chain.start("rig", plant | REALTIME["rig"] | paced["rig"])
         rig.wait_for_output(SIMULATING, COMPILE_TIMEOUT)  # before that, no board answers the driver

@@ -299,17 +299,29 @@ def _declare_record(parser: Parser) -> None:
         metavar="S",
         help="ends by itself after this time [s] (default: by Ctrl-C)",
     )
+    parser.add_argument(
+        "--all", action="store_true", help="record every topic, not only what a diagnosis needs"
+    )
+    parser.add_argument(
+        "--realtime-priority",
+        type=count(0, 99),
+        default=0,
+        metavar="N",
+        help="real-time priority (SCHED_FIFO), where the system permits it; 0: none (default: 0)",
+    )
 
 
 def _record(given: Arguments) -> Outcome:
     from pam_gap.live.record_node import record  # noqa: PLC0415  (rclpy)
     from pam_model.rig import load_rig  # noqa: PLC0415  (numpy)
+    from pam_ros.periodic import take_priority  # noqa: PLC0415
 
     def tell(line: str) -> None:
         print(line, flush=True)
 
     rig = load_rig(given.rig)
-    missing = record(rig, given.out, given.namespace, given.duration, tell)
+    take_priority(given.realtime_priority)  # before there are other threads, which inherit it
+    missing = record(rig, given.out, given.namespace, given.duration, tell, every_topic=given.all)
     print(f"written: {given.out}; missing: {'; '.join(missing) or 'nothing'}")
     return Outcome({"bag": given.out, "missing": missing}, missing)
 
