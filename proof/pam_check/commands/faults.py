@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from pam_check.commands.common_arguments import add_jobs, add_kinds, add_one_process, add_seed
-from pam_model.argument_types import count, input_file, output_file, output_folder
+from pam_model.argument_types import count, output_file, output_folder
 from pam_model.command_line import Arguments, Command, Outcome, Parser, add_rig
-from pam_model.errors import PamError
 
 
 def _declare_faults(parser: Parser) -> None:
@@ -82,25 +81,6 @@ def _processes(given: Arguments) -> Outcome:
     return run(given, open_operator)
 
 
-def _declare_fault_tables(parser: Parser) -> None:
-    parser.add_argument(
-        "pages", type=input_file, nargs="+", metavar="PAGE", help="Markdown file with the marks"
-    )
-
-
-def _fault_tables(given: Arguments) -> Outcome:
-    from pam_check.fault_kinds.kinds import write_into  # noqa: PLC0415
-
-    for page in given.pages:
-        try:
-            text = write_into(page.read_text(encoding="utf-8"))
-        except (PamError, UnicodeDecodeError) as error:
-            raise PamError(f"{page}: {error}") from None
-        page.write_text(text, encoding="utf-8")
-        print(f"written: {page}")
-    return Outcome({"written": given.pages})
-
-
 COMMANDS = (
     Command(
         "faults",
@@ -126,12 +106,5 @@ COMMANDS = (
         _declare_processes,
         _processes,
         bad_news="if a fault is out of bounds",
-    ),
-    Command(
-        "fault-tables",
-        "update the tables of states and faults in a page of the documentation",
-        _declare_fault_tables,
-        _fault_tables,
-        examples=("pam check fault-tables docs/safety_tables.md",),
     ),
 )

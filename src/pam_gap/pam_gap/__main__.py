@@ -41,6 +41,8 @@ if TYPE_CHECKING:
 
 MOVED = {
     "blind": f"{PROGRAM} check blind",
+    "effects": f"{PROGRAM} check effects",
+    "rules": f"{PROGRAM} check rules",
     "close-loop": f"{PROGRAM} demo close-loop",
 }
 
@@ -263,31 +265,6 @@ def _declare_compare(parser: Parser) -> None:
     parser.add_argument("--out", type=output_folder, required=True, help="folder for compare.html")
 
 
-def _effects(given: Arguments) -> Outcome:
-    from pam_gap.answer.effect_pages import run  # noqa: PLC0415  (matplotlib, numba)
-
-    return run(given)
-
-
-def _declare_effects(parser: Parser) -> None:
-    add_rig(parser)
-    parser.add_argument(
-        "--out", type=output_folder, default="docs", help="folder (default: %(default)s)"
-    )
-
-
-def _rules(given: Arguments) -> Outcome:
-    from pam_gap.rules.page import run  # noqa: PLC0415
-
-    return run(given)
-
-
-def _declare_rules(parser: Parser) -> None:
-    parser.add_argument(
-        "--out", type=output_folder, default="docs", help="folder (default: %(default)s)"
-    )
-
-
 def _declare_record(parser: Parser) -> None:
     add_rig(parser, required=True)
     parser.add_argument("--out", type=output_folder, required=True, help="folder of the recording")
@@ -412,8 +389,6 @@ COMMANDS = (
             "pam gap fleet RECORDINGS --rigs TABLE.csv --out OUT",
         ),
     ),
-    Command("effects", "write the page of effects", _declare_effects, _effects),
-    Command("rules", "write the page of constants", _declare_rules, _rules),
     Command(
         "record",
         "record what a diagnosis needs, and show what is still missing",

@@ -24,13 +24,14 @@ _FRAME: Final = """<!doctype html>
 {{ script | safe }}
 </body></html>
 """
-_TABLE: Final = """{% macro table(head, rows, look='') %}
+_TABLE: Final = """{% macro look_of(name) %}{% if name.startswith('#') %} class="n"{% endif %}
+{%- endmacro %}
+{% macro table(head, rows, look='') %}
 <div class="wide" tabindex="0"><table{% if look %} class="{{ look }}"{% endif %}>
-{% if head %}<tr>{% for name in head %}
-<th{% if name.startswith('#') %} class="n"{% endif %}>{{ name.lstrip('#') }}</th>{% endfor %}</tr>
-{% endif %}{% for row in rows %}<tr>{% for cell in row %}
-<td{% if head and head[loop.index0].startswith('#') %} class="n"{% endif %}>{{ cell }}</td>
-{%- endfor %}</tr>
+{% if head %}<tr>{% for name in head %}<th{{ look_of(name) }}>{{ name.lstrip('#') }}</th>
+{%- endfor %}</tr>{% endif %}
+{% for row in rows %}<tr>{% for cell in row %}<td{{ look_of(head[loop.index0] if head else '') }}>
+{{- cell }}</td>{% endfor %}</tr>
 {% endfor %}</table></div>{% endmacro %}"""
 
 

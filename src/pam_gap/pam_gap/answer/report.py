@@ -70,8 +70,8 @@ within their tolerance.{% endif %}</p>{% endif %}
 {% if causes %}<h2>How probable each cause is</h2>
 <div class="wide" tabindex="0"><table class="bars">
 <tr><th>cause</th><th class="n">probability</th><td></td></tr>
-{% for name, share in causes %}<tr><td>{{ name | spoken }}</td>
-<td class="n">{{ percent(share) }}</td>
+{% for name, share in causes %}
+<tr><td>{{ name | spoken }}</td><td class="n">{{ percent(share) }}</td>
 <td class="bar"><span style="width: {{ '%.1f' % ([100.0 * share, 100.0] | min) }}%"></span></td>
 </tr>
 {% endfor %}</table></div>
