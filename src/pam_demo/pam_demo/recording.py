@@ -10,9 +10,9 @@ from typing import Any, cast
 
 import numpy as np
 import numpy.typing as npt
-from rosbags.highlevel import AnyReader, AnyReaderError
-from rosbags.typesys import Stores, get_typestore
+from rosbags.highlevel import AnyReaderError
 
+from pam_gap.recordings.broken_bag import bag_reader
 from pam_model.errors import PamError
 from pam_ros.valve_command import commands_of_any_kind
 
@@ -107,7 +107,7 @@ def read_recording(bag: Path, fields: dict[str, str] | None = None) -> dict[str,
     stamps: dict[str, list[float]] = {topic: [] for topic in fields}
     rows: dict[str, list[dict[str, float]]] = {topic: [] for topic in fields}
     try:
-        with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
+        with bag_reader([bag]) as reader:
             wanted = [entry for entry in reader.connections if entry.topic in fields]
             for connection, received, raw in reader.messages(connections=wanted):
                 message = reader.deserialize(raw, connection.msgtype)
@@ -143,7 +143,7 @@ def read_loop_counts(bag: Path, node: str) -> TopicSeries:
     """
     times: list[float] = []
     rows: list[list[float]] = []
-    with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
+    with bag_reader([bag]) as reader:
         wanted = [entry for entry in reader.connections if entry.topic == "/diagnostics"]
         for connection, received, raw in reader.messages(connections=wanted):
             for status in reader.deserialize(raw, connection.msgtype).status:

@@ -7,9 +7,7 @@ from functools import partial
 
 from pam_gap.rules.rule import NUMERICAL, proposal_rule
 
-_by_hand = partial(
-    proposal_rule, origin="Hand-set with the first simulated fleet. No derivation."
-)
+_by_hand = partial(proposal_rule, origin="Hand-set with the first simulated fleet. No derivation.")
 _FALSE_CHANGES = (
     "Chosen so that fewer than 5 % of series without any change show one, also with outliers and "
     "with intervals three times too short."
