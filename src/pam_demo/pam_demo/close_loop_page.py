@@ -7,12 +7,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from pam_demo.tracking import ClosedLoopFigure, TrackedMotion
 from pam_gap.answer.diagnosis import Diagnosis
-from pam_gap.answer.html_page import html_page
+from pam_gap.answer.html_page import html_page, marked_up
 from pam_gap.answer.page_style import PLOT_LOOK
 from pam_gap.answer.plots_in_page import picture
 from pam_gap.answer.report import parameter_rows
@@ -121,5 +120,5 @@ def _row(figure: ClosedLoopFigure, title: str) -> tuple[str, ...]:
         for error in (figure.before, figure.after, figure.true_before, figure.true_after)
     )
     look = "good" if figure.after < figure.before else "bad"
-    ratio = Markup('<span class="{}">{:.2f}</span>').format(look, figure.after / figure.before)
+    ratio = marked_up('<span class="{}">{:.2f}</span>', look, figure.after / figure.before)
     return (title, before, after, ratio, true_before, true_after)

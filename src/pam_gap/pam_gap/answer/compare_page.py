@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from pam_gap.answer.compare import (
@@ -20,7 +19,7 @@ from pam_gap.answer.compare import (
     letter,
     read_answers,
 )
-from pam_gap.answer.html_page import html_page
+from pam_gap.answer.html_page import html_page, marked_up
 from pam_gap.answer.page_style import VERDICT_WORDS
 from pam_gap.answer.plots_in_page import is_narrow, picture
 from pam_gap.answer.user_units import interval_digits, plain, spoken, told, user_unit
@@ -158,9 +157,9 @@ def render(joints: Sequence[JointComparison], names: Sequence[str]) -> str:
     )
 
 
-def _difference(found: Difference) -> Markup:
-    words = Markup("<b>{}</b>").format(found.words) if found.sure else found.words
-    return Markup('<div style="min-width: 11em">{}</div>').format(words)
+def _difference(found: Difference) -> str:
+    words = marked_up("<b>{}</b>", found.words) if found.sure else found.words
+    return marked_up('<div style="min-width: 11em">{}</div>', words)
 
 
 def print_table(joints: Sequence[JointComparison]) -> None:

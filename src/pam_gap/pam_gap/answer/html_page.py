@@ -5,10 +5,11 @@ Text from a recording or a rig file is escaped (Jinja2 autoescape).
 
 from __future__ import annotations
 
+from html import escape
 from typing import Any, Final
 
 import jinja2
-from markupsafe import Markup, escape
+from jinja2.filters import do_mark_safe
 
 from pam_gap.answer.page_style import STYLE
 from pam_gap.answer.user_units import spoken
@@ -35,9 +36,14 @@ _TABLE: Final = """{% macro look_of(name) %}{% if name.startswith('#') %} class=
 {% endfor %}</table></div>{% endmacro %}"""
 
 
-def breakable(name: str) -> Markup:
+def breakable(name: str) -> str:
     """A name of a channel, which may be broken where its parts meet."""
-    return Markup(escape(name).replace(".", ".<wbr>").replace("_", "_<wbr>"))
+    return do_mark_safe(escape(name).replace(".", ".<wbr>").replace("_", "_<wbr>"))
+
+
+def marked_up(html: str, *words: object) -> str:
+    """A cell with HTML of its own, in which every {} takes one of the words."""
+    return do_mark_safe(html).format(*words)
 
 
 def html_page(title: str, body: str, *, style: str = "", script: str = "", **values: Any) -> str:

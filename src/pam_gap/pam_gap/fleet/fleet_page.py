@@ -11,10 +11,9 @@ from typing import Any
 
 import matplotlib.dates as mdates
 import numpy as np
-from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from pam_gap.answer.html_page import html_page
+from pam_gap.answer.html_page import html_page, marked_up
 from pam_gap.answer.page_style import VERDICT_WORDS
 from pam_gap.answer.plots_in_page import is_narrow, picture
 from pam_gap.answer.user_units import spoken, told, user_unit
@@ -179,7 +178,7 @@ def render(document: Mapping[str, Any], series: Sequence[ParameterSeries]) -> st
 
 
 def _linked(text: str, address: str) -> str:
-    return Markup('<a href="{}">{}</a>').format(address, text) if address else text
+    return marked_up('<a href="{}">{}</a>', address, text) if address else text
 
 
 def _word(row: Mapping[str, Any]) -> str:
