@@ -9,7 +9,7 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from pam_demo.tracking import ClosedLoopFigure, TrackedMotion
+from pam_demo.tracking import ClosedLoopFigure, FollowedAngle
 from pam_gap.answer.diagnosis import Diagnosis
 from pam_gap.answer.html_page import html_page, marked_up
 from pam_gap.answer.page_style import PLOT_LOOK
@@ -21,11 +21,6 @@ LOOK: Any = PLOT_LOOK | {  # matplotlib's own type lists every key
     "lines.linewidth": 1.1,
     "svg.hashsalt": "close-loop",
 }
-_STYLE = """
- :root { --good: #1a7f4b; --bad: #b3261e; }
- @media (prefers-color-scheme: dark) { :root { --good: #5fd394; --bad: #ff8f86; } }
- .good { color: var(--good); } .bad { color: var(--bad); }
-"""
 _BODY = """
 <p class="quiet">Driver, model and controller ran in one process and moved a simulated rig
 over a CAN bus. The simulated rig has the effect <b>{{ hidden }}</b>, which is missing in its
@@ -46,14 +41,14 @@ minus the plant's own angle, which was available neither to the controller nor t
 """
 
 
-def _plot(before: TrackedMotion, after: TrackedMotion | None, width: float) -> Figure:
+def _plot(before: FollowedAngle, after: FollowedAngle | None, width: float) -> Figure:
     canvas = Figure(figsize=(width, 4.6), layout="constrained")
     top, bottom = canvas.subplots(2, 1, sharex=True, height_ratios=(3, 2))
     top.plot(before.times, before.asked, color=ASKED, label="reference")
-    top.plot(before.times, before.measured, color=BEFORE, label="before")
+    top.plot(before.times, before.angle, color=BEFORE, label="before")
     bottom.plot(before.times, 1e3 * before.error, color=BEFORE)
     if after is not None:
-        top.plot(after.times, after.measured, color=AFTER, label="after")
+        top.plot(after.times, after.angle, color=AFTER, label="after")
         bottom.plot(after.times, 1e3 * after.error, color=AFTER)
     top.set_ylabel("position [rad]")
     bottom.set_ylabel("error [mrad]")
@@ -66,8 +61,8 @@ def write_page(
     path: Path,
     hidden: Sequence[str],
     diagnosis: Diagnosis,
-    before: Sequence[TrackedMotion],
-    after: Sequence[TrackedMotion],
+    before: Sequence[FollowedAngle],
+    after: Sequence[FollowedAngle],
     figures: Sequence[ClosedLoopFigure],
     runs: int = 1,
 ) -> None:
@@ -81,19 +76,18 @@ def write_page(
         The hidden effects.
     diagnosis : Diagnosis
         Result for the first run.
-    before, after : sequence of TrackedMotion
-        Motions of the first run on both sides; `after` may be empty.
+    before, after : sequence of FollowedAngle
+        Measured angle in the motions of the first run on both sides; `after` may be empty.
     figures : sequence of ClosedLoopFigure
         Tracking errors before and after.
     runs : int, optional
         Of whose errors `figures` are the medians.
     """
-    seconds = {motion.name: motion for motion in after}
-    titles = {motion.name: motion.title for motion in before}
+    seconds = {one.motion.name: one for one in after}
+    titles = {one.motion.name: one.motion.title for one in before}
     page = html_page(
         "Tracking before and after a diagnosis",
         _BODY,
-        style=_STYLE,
         hidden=", ".join(hidden),
         diagnosis=diagnosis,
         parameters=parameter_rows(diagnosis.to_json()["parameters"]),
@@ -101,14 +95,14 @@ def write_page(
         runs=runs,
         plots=[
             (
-                motion.title,
+                one.motion.title,
                 picture(
-                    partial(_plot, motion, seconds.get(motion.name)),
-                    f"{motion.title}: angle and error before and after",
+                    partial(_plot, one, seconds.get(one.motion.name)),
+                    f"{one.motion.title}: angle and error before and after",
                     LOOK,
                 ),
             )
-            for motion in before
+            for one in before
         ],
     )
     path.write_text(page, encoding="utf-8")

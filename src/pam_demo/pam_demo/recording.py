@@ -42,15 +42,16 @@ class TopicSeries:
         first, last = np.searchsorted(self.times, (start, end))
         return TopicSeries(self.times[first:last], self.values[first:last], self.names)
 
+    def during(self, start: float, duration: float) -> TopicSeries:
+        """The samples of `duration` seconds from `start` [s], from which their times count."""
+        part = self.between(start, start + duration)
+        return TopicSeries(part.times - start, part.values, part.names)
+
     def only(self, names: Sequence[str]) -> TopicSeries:
         """The elements that have one of these names."""
         columns = [self.names.index(name) for name in names if name in self.names]
         kept = tuple(self.names[column] for column in columns)
         return TopicSeries(self.times, self.values[:, columns], kept)
-
-    def at(self, times: Array, element: int = 0) -> Array:
-        """One element, linearly interpolated."""
-        return np.interp(times, self.times, self.values[:, element])
 
 
 LOOP_COUNTS = ("cycles", "late cycles", "skipped cycles")
