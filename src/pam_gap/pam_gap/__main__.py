@@ -290,13 +290,13 @@ def _declare_record(parser: Parser) -> None:
 
 def _record(given: Arguments) -> Outcome:
     from pam_gap.live.record_node import record  # noqa: PLC0415  (rclpy)
-    from pam_model.rig import load_rig  # noqa: PLC0415  (numpy)
+    from pam_model.rig.partial import load_partial_rig  # noqa: PLC0415  (numpy)
     from pam_ros.periodic import take_priority  # noqa: PLC0415
 
     def tell(line: str) -> None:
         print(line, flush=True)
 
-    rig = load_rig(given.rig)
+    rig = load_partial_rig(given.rig).rig  # only its names and topics matter here
     take_priority(given.realtime_priority)  # before there are other threads, which inherit it
     missing = record(rig, given.out, given.namespace, given.duration, tell, every_topic=given.all)
     print(f"written: {given.out}; missing: {'; '.join(missing) or 'nothing'}")
