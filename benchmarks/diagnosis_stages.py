@@ -109,9 +109,7 @@ def staged_diagnosis(case: Path, out: Path, threads: int, *, quick: bool) -> lis
 
     with patch.object(PredictionProblem, "errors", simulated):
         clock.enter("reading the recording")
-        rig, read, names = to_diagnose(
-            [case / "recording.csv.gz"], case / "rig.yaml", None, ((), (), ())
-        )
+        rig, read, names = to_diagnose([case / "recording.csv.gz"], case / "rig.yaml", None, {})
         engine = prepared_subject(rig, names[0], read, DiagnosisOptions(threads, clock.enter))
         if quick:
             first_look(engine)
