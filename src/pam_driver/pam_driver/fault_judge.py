@@ -255,14 +255,12 @@ class FaultJudge:
             angles = [samples[channel] for samples, channel in boards.angles]
             known = [math.nan] * len(supplies) if self._supply_may_be_empty(now) else supplies
             found += self._checks.update(pressures, angles, known, now)
-        self.suspicions = self._implausible = ()
-        if found:
-            self.suspicions = tuple(
-                Condition(kind, subject, text) for kind, subject, size, text in found if size < 1.0
-            )
-            self._implausible = tuple(
-                Condition(kind, subject, text) for kind, subject, size, text in found if size >= 1.0
-            )
+        self.suspicions = tuple(
+            [Condition(kind, subject, text) for kind, subject, size, text in found if size < 1.0]
+        )
+        self._implausible = tuple(
+            [Condition(kind, subject, text) for kind, subject, size, text in found if size >= 1.0]
+        )
 
     def _supply_may_be_empty(self, now: float) -> bool:
         """Whether the rig has a dump valve that is open, or was closed a moment ago."""
