@@ -55,7 +55,7 @@ BODY = """
 model and controller run {{ processes }}. {{ rate_sentence }}
 All numbers and plots on this page were computed from the recording of the ROS 2 topics.</p>
 <div class="cards">
-{% for f in headline %}<div class="card"><b class="{{ css(f) }}">{{ told(f.value, f.unit) }}</b>
+{% for f in headline %}<div class="card"><b class="{{ css(f) }}">{{ text(f.value, f.unit) }}</b>
 <span>{{ f.text }}{% if f.target is not none %}<br>target: {{ target(f) }}{% endif %}
 {%- if f.reason %}<br>missed: {{ f.reason }}{% endif %}</span></div>
 {% endfor %}</div>
@@ -275,7 +275,7 @@ def write_page(
         figures=[_row(figure) for figure in results.figures],
         notes=results.notes,
         plots=plots,
-        told=partial(told, digits=3),
+        text=partial(told, digits=3),
         target=target_text,
         css=_css,
     )
