@@ -10,7 +10,7 @@ if __name__ == "__main__":  # before the imports below, which take time
     end_at_signals()
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from pam_model.argument_types import count, input_file, named_number, number
@@ -78,18 +78,18 @@ def _add_option(parser: Parser, parameter: Parameter) -> None:
     """Add the option of a parameter that the node has, too: `--pressure-noise`."""
     default, low, high = parameter.default, parameter.low, parameter.high
     unit = "" if parameter.unit == "-" else parameter.unit
-    kind: Callable[[str], Any] = str
+    checked: dict[str, Any] = {}  # a text is checked where it is used
     if isinstance(default, int):
-        kind = count(int(low), int(high))
+        checked = {"type": count(int(low), int(high))}
     elif isinstance(default, float):
-        kind = number(unit, least=low, most=high)
+        checked = {"type": number(unit, least=low, most=high)}
     usual = f" (default: {default:g})" if isinstance(default, int | float) else ""
     parser.add_argument(
         f"--{parameter.name.replace('_', '-')}",
-        type=kind,
         default=default,
         metavar=unit.upper() or "VALUE",
         help=parameter.description + (f" [{unit}]" if unit else "") + usual,
+        **checked,
     )
 
 
