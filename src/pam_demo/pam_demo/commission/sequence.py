@@ -19,6 +19,24 @@ import pandas as pd
 
 from pam_control.controller import Controller
 from pam_control.references.trajectory import TrajectoryPoint
+from pam_demo.commission.exchange import (
+    BY_RIG_FILE,
+    Confirm,
+    CrossedPort,
+    Mend,
+    nobody,
+    question,
+    rewired,
+    said_of,
+    why_not,
+)
+from pam_demo.commission.expected_tracking import (
+    Expected,
+    NoisyPort,
+    doubt,
+    expected,
+    noise_of,
+)
 from pam_demo.commission.kept import Kept
 from pam_demo.commission.knowledge import (
     Known,
@@ -123,6 +141,12 @@ class Commissioned:
         Designed gains by stiffness [N m/rad].
     seconds : float
         Time of the recordings [s].
+    exchanged : str
+        What was exchanged, as the new rig file describes it; empty if nothing was.
+    expected : Expected or None
+        The tracking test on simulated robots that are as identified.
+    doubt : str
+        Why the tracking is not as good as it should be, or is not known well; empty if it is.
     """
 
     rig: Rig | None = None
@@ -134,6 +158,9 @@ class Commissioned:
     after: Tracked | None = None
     gains: list[dict[str, float]] = field(default_factory=list)
     seconds: float = 0.0
+    exchanged: str = ""
+    expected: Expected | None = None
+    doubt: str = ""
 
 
 class EndedError(PamError):
@@ -160,6 +187,8 @@ class Commissioning:
         Whether the next step may be done; it gets the step in words.
     compute : callable
         Calls what takes seconds between two motions.
+    confirm : callable
+        Whether a person says that something is exchanged, or mended.
     """
 
     port: RobotPort
@@ -169,6 +198,7 @@ class Commissioning:
     tell: Tell
     ask: Ask
     compute: Compute = at_same_priority
+    confirm: Confirm = nobody
     result: Commissioned = field(default_factory=Commissioned)
 
     def run(self) -> Commissioned:
@@ -187,7 +217,7 @@ class Commissioning:
                     rig = result.calibration.rig
                     known = narrowed(known, result.calibration.numbers)
             result.rig = rig
-            self._track()
+            self._track(known)
         except EndedError as error:
             result.ended = str(error)
             result.rig = None
@@ -219,21 +249,48 @@ class Commissioning:
         EndedError
             If something is at the wrong place, or the check is not allowed.
         """
-        rig = reaching_limits(self.partial.rig, as_written(self.partial, self.said, FULL))
-        known = as_written(replace(self.partial, rig=rig), self.said, FULL)
-        if self.kept.checked:
-            self.tell("start-up check: passed before")
-            return rig, known
-        self._allowed("open each valve for a moment, and give each muscle a small test pulse")
-        reason = touch(self.port, rig)
-        if reason:
+        if self.kept.exchanged:
+            self._rewire(Mend(self.kept.exchanged))
+        while True:
+            rig = reaching_limits(self.partial.rig, as_written(self.partial, self.said, FULL))
+            known = as_written(replace(self.partial, rig=rig), self.said, FULL)
+            if self.kept.checked:
+                self.tell("start-up check: passed before")
+                return rig, known
+            self._allowed("open each valve for a moment, and give each muscle a small test pulse")
+            reason, wrong = touch(self.port, rig), False
+            if not reason:
+                findings = start_up_check(self.port, easily_turned(rig, known, self.said))
+                reason = " ".join(f"Start-up check: {one.text}." for one in findings)
+                wrong = any(one.turns_wrong for one in findings)
+            if not reason:
+                self.tell("start-up check: valves, hoses, sensors and encoder belong together")
+                self.kept.check()
+                return rig, known
+            self._mended(reason, wrong)
+
+    def _mended(self, reason: str, turns_wrong: bool) -> None:
+        """Put right what the start-up check has found, as a person says; or end."""
+        self.tell(reason)
+        by_rig_file = BY_RIG_FILE if turns_wrong and not self.kept.exchanged else ()
+        for mend in (*by_rig_file, Mend.AT_ROBOT):
+            if self.confirm(mend, question(self.partial, mend)):
+                break
+        else:
             raise EndedError(reason)
-        findings = start_up_check(self.port, easily_turned(rig, known, self.said))
-        if findings:
-            raise EndedError(" ".join(f"Start-up check: {one}." for one in findings))
-        self.tell("start-up check: valves, hoses, sensors and encoder belong together")
-        self.kept.check()
-        return rig, known
+        if mend in by_rig_file:
+            problem = why_not(self.partial, mend)
+            if problem:
+                raise EndedError(f"{reason} {problem}")
+            self.kept.exchange(mend.value)
+            self._rewire(mend)
+
+    def _rewire(self, mend: Mend) -> None:
+        """Go on with a rig file that describes what is exchanged."""
+        self.result.exchanged = said_of(self.partial, mend)
+        self.tell(self.result.exchanged)
+        self.partial = rewired(self.partial, mend)
+        self.port = CrossedPort.of(self.port)
 
     def _made(self, name: str, scale: Scale) -> SampledMotion:
         return {
@@ -317,7 +374,7 @@ class Commissioning:
         if found.refused:
             self.tell(f"nothing identified yet: {' '.join(found.refused)}")
 
-    def _track(self) -> None:
+    def _track(self, known: Sequence[Known]) -> None:
         """The tracking test with the identified rig, and with the rig file as it was."""
         result, port = self.result, self.port
         assert result.rig is not None
@@ -346,6 +403,21 @@ class Commissioning:
         self.kept.track("before", result.before.table)
         if result.after.stopped:
             raise EndedError(f"tracking test: {result.after.stopped}")
+        self._judge(known, lambda simulated: track(simulated, controller, points, limits))
+
+    def _judge(self, known: Sequence[Known], test: Callable[[NoisyPort], Tracked]) -> None:
+        """Whether the joint tracks as it should with the numbers that were identified."""
+        result = self.result
+        assert result.rig is not None
+        assert result.calibration is not None
+        assert result.after is not None
+        small, noise = result.calibration.ordinary, noise_of(result.calibration)
+        result.expected = self.compute(
+            partial(expected, result.rig, known, small, noise, self.port.period, test)
+        )
+        result.doubt = doubt(result.after.rms, result.expected, result.calibration.numbers)
+        if result.doubt:
+            self.tell(result.doubt)
 
     def _simulated(
         self, rig: Rig, controller: Controller, points: Sequence[TrajectoryPoint], limits: Limits

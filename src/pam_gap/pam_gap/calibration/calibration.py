@@ -100,6 +100,8 @@ class Calibration:
         Errors on recordings that took no part in the fit, with the numbers as written and as found.
     small : dict of str to float
         Sizes of small effects that every good rig has, as they were fitted; not in the rig file.
+    ordinary : dict of str to float
+        The same by plant parameter, with those of the other muscle that have the same value.
     stage_errors : dict of str to (float, float)
         RMS error of each stage before and after its fit, in multiples of the noise.
     """
@@ -112,6 +114,7 @@ class Calibration:
     notes: tuple[str, ...] = ()
     withheld: tuple[GapFigure, ...] = ()
     small: dict[str, float] = field(default_factory=dict)
+    ordinary: dict[str, float] = field(default_factory=dict)
     stage_errors: dict[str, tuple[float, float]] = field(default_factory=dict)
     problem: PredictionProblem | None = field(default=None, repr=False)
     before: Array | None = field(default=None, repr=False)
@@ -170,6 +173,9 @@ def calibrate_joint(
     progress("all numbers together", 0.4)
     joint = fit_together(problem, numbers, vector, rules)
     found, result.small = conclusion(rig, result.joint, numbers, joint, rules)
+    result.ordinary = {
+        name: result.small[one.key] for one in numbers if one.is_ordinary for name in one.targets
+    }
     names = {one.key: one.name for one in numbers}
     calibrated = rig
     for what in found:

@@ -1,0 +1,208 @@
+"""How well the joint should track with the numbers that were identified, and whether it does.
+
+The tracking test is simulated on the robots of a design (`least_favourable`), whose numbers are off
+by as much as their intervals say, with the small effects that were fitted and the noise of the
+sensors. A joint whose error is above that of all of them has something that the numbers do not
+describe.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from pam_demo.commission.knowledge import Known
+from pam_demo.commission.least_favourable import design, signs
+from pam_demo.commission.robot_port import JointReading
+from pam_demo.commission.simulated_port import SimulatedPort
+from pam_demo.commission.tracking import Tracked
+from pam_gap.calibration.answer import what_would_help
+from pam_gap.calibration.calibration import CalibratedNumber, Calibration
+from pam_gap.inference.confidence import NORMAL_90
+from pam_gap.prediction.channel_order import BOTH_PRESSURES, POSITION
+from pam_model.rig import Rig
+
+WIDE: Final = 1.5
+"""Error on the worst robot over that on the middle one, above which more should be known [-]."""
+SMALLEST, LARGEST = 1e-6, 10.0  # rad, of an error when numbers are compared
+NAMED: Final = 2
+"""Numbers that are named as doubtful."""
+
+
+@dataclass(frozen=True, slots=True)
+class SensorNoise:
+    """Standard deviations of the white noise: of the angle [rad], of both pressures [Pa]."""
+
+    position: float
+    pressures: tuple[float, float]
+
+
+@dataclass(slots=True)
+class NoisyPort:
+    """A simulated robot whose sensors are noisy.
+
+    Attributes
+    ----------
+    port : SimulatedPort
+        The robot.
+    noise : SensorNoise
+        Of its sensors.
+    random : numpy.random.Generator
+        Of the noise.
+    period, measurement_delay, command_delay : float
+        Those of the port [s].
+    """
+
+    port: SimulatedPort
+    noise: SensorNoise
+    random: np.random.Generator
+    period: float = 0.0
+    measurement_delay: float = 0.0
+    command_delay: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Take times and delays from the port."""
+        self.period = self.port.period
+        self.measurement_delay = self.port.measurement_delay
+        self.command_delay = self.port.command_delay
+
+    def advance(self, commands: Sequence[float]) -> JointReading:
+        """As of every `RobotPort`."""
+        reading = self.port.advance(commands)
+        angle, first, second = self.random.normal(size=3).tolist()
+        here, there = self.noise.pressures
+        return reading._replace(
+            position=reading.position + self.noise.position * angle,
+            pressures=(reading.pressures[0] + here * first, reading.pressures[1] + there * second),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Expected:
+    """What the tracking test gives on robots that are as identified.
+
+    Attributes
+    ----------
+    errors : tuple of float
+        RMS error on each of them [rad], the smallest first; infinite where it was not followed.
+    doubtful : tuple of str
+        Keys of the numbers on which the error depends most, the first one most.
+    """
+
+    errors: tuple[float, ...]
+    doubtful: tuple[str, ...]
+
+    @property
+    def middle(self) -> float:
+        """The median [rad]."""
+        return self.errors[len(self.errors) // 2]
+
+    @property
+    def is_wide(self) -> bool:
+        """Whether the numbers leave open how well the joint tracks."""
+        return self.errors[-1] > WIDE * self.middle
+
+
+def at_deviations(known: Sequence[Known]) -> list[Known]:
+    """The numbers with the ends of one standard deviation in place of 90 % intervals.
+
+    A design with two levels at these ends has the same variance as the numbers.
+    """
+
+    def nearer(value: float, end: float) -> float:
+        if min(value, end) > 0.0:
+            return value * math.exp(math.log(end / value) / NORMAL_90)
+        return value + (end - value) / NORMAL_90
+
+    return [
+        replace(one, low=nearer(one.value, one.low), high=nearer(one.value, one.high))
+        for one in known
+    ]
+
+
+def expected(
+    rig: Rig,
+    known: Sequence[Known],
+    small: Mapping[str, float],
+    noise: SensorNoise,
+    period: float,
+    test: Callable[[NoisyPort], Tracked],
+) -> Expected:
+    """Make the tracking test on robots that are as identified.
+
+    Parameters
+    ----------
+    rig : Rig
+        The identified rig of the joint.
+    known : sequence of Known
+        Its numbers with their intervals.
+    small : mapping of str to float
+        Small effects by plant parameter.
+    noise : SensorNoise
+        Of the sensors.
+    period : float
+        Of the commands [s].
+    test : callable
+        The tracking test on a port.
+    """
+    random = np.random.default_rng(0)
+    known = at_deviations(known)
+    errors = np.array(
+        [
+            test(NoisyPort(SimulatedPort(rig, period, robot | dict(small)), noise, random)).rms
+            for robot in design(known)
+        ]
+    )
+    free = [one for one in known if one.low < one.high]
+    logs = np.log(np.clip(errors[:-1], SMALLEST, LARGEST))
+    effects = np.abs(signs(len(free)).T @ (logs - logs.mean()))
+    keys = [free[place].key for place in np.argsort(-effects)[:NAMED].tolist()]
+    return Expected(tuple(sorted(errors.tolist())), tuple(keys))
+
+
+def noise_of(calibration: Calibration) -> SensorNoise:
+    """The white noise of the sensors in the recordings of a calibration; none without them."""
+    problem = calibration.problem
+    if problem is None:
+        return SensorNoise(0.0, (0.0, 0.0))
+    found = np.sqrt(np.mean([data.deviation**2 for data in problem.data], axis=0))
+    first, second = found[BOTH_PRESSURES].tolist()
+    return SensorNoise(float(found[POSITION]), (first, second))
+
+
+def doubt(measured: float, on_robots: Expected, numbers: Sequence[CalibratedNumber]) -> str:
+    """Why the tracking is not as good as it should be, and what to do; empty if it is.
+
+    Parameters
+    ----------
+    measured : float
+        RMS error of the tracking test [rad].
+    on_robots : Expected
+        The same test on robots that are as identified.
+    numbers : sequence of CalibratedNumber
+        Of the last identification.
+    """
+    by_key = {one.key: one for one in numbers}
+    names = [
+        f"{key} ({what_would_help(by_key[key])})" for key in on_robots.doubtful if key in by_key
+    ]
+    least, most = 1e3 * on_robots.errors[0], 1e3 * on_robots.errors[-1]
+    if measured > on_robots.errors[-1]:
+        return (
+            f"The joint tracks with {1e3 * measured:.2f} mrad RMS, which is worse than its numbers "
+            f"predict ({least:.2f} to {most:.2f} mrad): one of them is wrong, or something acts on "
+            f"the joint that no number describes. The error depends most on {' and '.join(names)}; "
+            "what is in brackets would determine them. Then diagnose the recordings with "
+            "`pam gap diagnose`."
+        )
+    if on_robots.is_wide:
+        return (
+            f"The numbers leave open how well the joint tracks ({least:.2f} to {most:.2f} mrad). "
+            f"The error depends most on {' and '.join(names)}; what is in brackets would determine "
+            "them."
+        )
+    return ""
