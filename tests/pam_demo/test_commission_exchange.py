@@ -10,9 +10,10 @@ import pytest
 
 import pam_demo.commission.sequence as sequence_module
 from pam_demo.commission.commission import write_results
+from pam_demo.commission.commissioned import Commissioned
 from pam_demo.commission.exchange import Mend, rewired
 from pam_demo.commission.kept import Kept
-from pam_demo.commission.sequence import Commissioned, Commissioning
+from pam_demo.commission.sequence import Commissioning
 from pam_gap.calibration.calibration import Calibration
 from pam_gap.calibration.free_numbers import Said
 from pam_model.rig import Rig, load_rig

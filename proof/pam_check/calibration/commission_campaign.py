@@ -30,10 +30,11 @@ from pam_check.calibration.drawn_rig import (
     written_numbers,
 )
 from pam_check.calibration.truth_port import TruthPort
+from pam_demo.commission.commissioned import Commissioned
 from pam_demo.commission.exchange import CrossedPort, Mend, rewired
 from pam_demo.commission.kept import Kept
 from pam_demo.commission.robot_port import RobotPort
-from pam_demo.commission.sequence import Commissioned, Commissioning, EndedError
+from pam_demo.commission.sequence import Commissioning, EndedError
 from pam_demo.commission.tracking import Tracked, controller_for, not_possible, track
 from pam_demo.commission.watch import Limits
 from pam_model.command_line import Arguments, Outcome

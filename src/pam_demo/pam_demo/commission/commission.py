@@ -15,12 +15,13 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, Final
 
+from pam_demo.commission.commissioned import Commissioned
 from pam_demo.commission.exchange import Confirm, Mend, nobody
 from pam_demo.commission.kept import Kept
 from pam_demo.commission.lower_priority import Compute, at_lower_priority, at_same_priority
 from pam_demo.commission.page import write_page
 from pam_demo.commission.robot_port import RobotPort
-from pam_demo.commission.sequence import Ask, Commissioned, Commissioning
+from pam_demo.commission.sequence import Ask, Commissioning
 from pam_demo.commission.simulated_port import SimulatedPort
 from pam_demo.commission.tracking import Tracked
 from pam_gap.calibration.answer import comments, to_json

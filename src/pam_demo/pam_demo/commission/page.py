@@ -10,8 +10,8 @@ from typing import Any
 import jinja2
 from matplotlib.figure import Figure
 
+from pam_demo.commission.commissioned import Commissioned
 from pam_demo.commission.expected_tracking import Expected
-from pam_demo.commission.sequence import Commissioned
 from pam_demo.commission.tracking import Tracked
 from pam_gap.answer.page_style import BREAKABLE, PLOT_LOOK, STYLE
 from pam_gap.answer.plots_in_page import picture

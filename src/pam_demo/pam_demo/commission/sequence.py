@@ -19,6 +19,7 @@ import pandas as pd
 
 from pam_control.controller import Controller
 from pam_control.references.trajectory import TrajectoryPoint
+from pam_demo.commission.commissioned import Commissioned, SequenceStep
 from pam_demo.commission.exchange import (
     BY_RIG_FILE,
     Confirm,
@@ -31,7 +32,6 @@ from pam_demo.commission.exchange import (
     why_not,
 )
 from pam_demo.commission.expected_tracking import (
-    Expected,
     NoisyPort,
     doubt,
     expected,
@@ -62,7 +62,7 @@ from pam_demo.commission.tracking import (
 )
 from pam_demo.commission.watch import STOOD_STILL, Limits
 from pam_driver.safety.start_up_check import REPETITIONS
-from pam_gap.calibration.calibration import Calibration, calibrate_joint
+from pam_gap.calibration.calibration import calibrate_joint
 from pam_gap.calibration.calibration_rules import CalibrationRules
 from pam_gap.calibration.free_numbers import Said
 from pam_gap.recordings.recording import Recording, from_columns
@@ -93,74 +93,6 @@ WAY_TIME: Final = (0.6, 0.8, 1.1, 1.5, 2.0, 3.0)
 """Durations of a way as long as the reach that the tracking test tries, the fastest first [s]."""
 TRACKING_SHARES: Final = (0.9, 0.6, 0.9)
 """Shares of the limits that a foreseen tracking test may use: pressure, speed, distance."""
-
-
-@dataclass(slots=True)
-class SequenceStep:
-    """One motion of the sequence, as it was played.
-
-    Attributes
-    ----------
-    motion : str
-        Its name.
-    title : str
-        What it was.
-    share : float
-        Of the motion as it was asked for [-].
-    foreseen, most : tuple of three floats
-        Use of the limits by the least favourable robot, and as it was measured [-]: pressure,
-        speed, distance from the middle of the range.
-    """
-
-    motion: str
-    title: str
-    share: float
-    foreseen: tuple[float, float, float]
-    most: tuple[float, float, float]
-
-
-@dataclass(slots=True)
-class Commissioned:
-    """What a commissioning has found.
-
-    Attributes
-    ----------
-    rig : Rig or None
-        The identified rig of the joint; None if the sequence was ended.
-    ended : str
-        Why it was ended; empty if it was not.
-    steps : list of SequenceStep
-        The motions.
-    calibration : Calibration or None
-        The last identification.
-    points : sequence of TrajectoryPoint
-        The motion of the tracking test.
-    before, after : Tracked or None
-        The tracking test with the numbers as written and as identified.
-    gains : list of dict
-        Designed gains by stiffness [N m/rad].
-    seconds : float
-        Time of the recordings [s].
-    exchanged : str
-        What was exchanged, as the new rig file describes it; empty if nothing was.
-    expected : Expected or None
-        The tracking test on simulated robots that are as identified.
-    doubt : str
-        Why the tracking is not as good as it should be, or is not known well; empty if it is.
-    """
-
-    rig: Rig | None = None
-    ended: str = ""
-    steps: list[SequenceStep] = field(default_factory=list)
-    calibration: Calibration | None = None
-    points: Sequence[TrajectoryPoint] = ()
-    before: Tracked | None = None
-    after: Tracked | None = None
-    gains: list[dict[str, float]] = field(default_factory=list)
-    seconds: float = 0.0
-    exchanged: str = ""
-    expected: Expected | None = None
-    doubt: str = ""
 
 
 class EndedError(PamError):
