@@ -115,12 +115,13 @@ def rewired(partial: PartialRig, mend: Mend) -> PartialRig:
         ranges = {_moved(key, places): ends for key, ends in partial.ranges.items()}
         return PartialRig(rig, ranges, frozenset(_moved(key, places) for key in partial.missing))
     lower, upper = joint.position_limits
-    rig = rig.with_joint(
-        replace(
-            joint, muscles=(second.name, first.name), position_limits=(-upper, -lower),
-            gravity_angle=-joint.gravity_angle,
-        )
-    )  # fmt: skip
+    joint = replace(
+        joint,
+        muscles=(second.name, first.name),
+        position_limits=(-upper, -lower),
+        gravity_angle=-joint.gravity_angle,
+    )
+    rig = replace(rig, joints=(joint,), muscles=(second, first))  # the agonist comes first
     angle = f"{joint.name}.gravity_angle"
     ranges = {
         key: (-ends[1], -ends[0]) if key == angle else ends for key, ends in partial.ranges.items()
