@@ -11,6 +11,7 @@ from __future__ import annotations
 import json
 import math
 import time
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Final
@@ -30,6 +31,7 @@ from pam_check.calibration.drawn_rig import (
     written_numbers,
 )
 from pam_check.calibration.truth_port import TruthPort
+from pam_control.references.trajectory import TrajectoryPoint
 from pam_demo.commission.commissioned import Commissioned
 from pam_demo.commission.exchange import CrossedPort, Mend, rewired
 from pam_demo.commission.kept import Kept
@@ -220,7 +222,7 @@ def commission(
         *_use_of_limits(port, Limits.of(partial.rig)), was_told=owner.was_asked,
     )  # fmt: skip
     if done.after is not None and done.points:
-        true = _with_true_file(true_rig_file(partial.rig, drawn), drawn, done, what)
+        true = _with_true_file(true_rig_file(partial.rig, drawn), port, done.points, what)
         result.true, result.after = true.rms, done.after.rms
         result.told, result.warned = done.after.stopped, done.doubt
         if done.expected is not None:
@@ -235,14 +237,21 @@ def commission(
     return result, done
 
 
-def _with_true_file(true: Rig, drawn: TrueRig, done: Commissioned, exchanged: str) -> Tracked:
-    """The same test on the same robot, with the numbers that nobody knows."""
-    port: RobotPort = TruthPort(drawn, "", PERIOD, SPARE, 0)
-    if MENDS.get(exchanged) is Mend.ENCODER:  # the angle counts as the encoder does
-        port = CrossedPort.of(TruthPort(drawn, exchanged, PERIOD, SPARE, 0))
-        true = rewired(PartialRig(true, {}, frozenset()), Mend.ENCODER).rig
+def _with_true_file(
+    true: Rig, port: RobotPort, points: Sequence[TrajectoryPoint], exchanged: str
+) -> Tracked:
+    """The same test with the numbers that nobody knows, on the same robot and right after it.
+
+    Creep and supply are not as they were at the first moment of a robot, so that another one would
+    not do.
+    """
+    mend = MENDS.get(exchanged)
+    if mend is not None:
+        port = CrossedPort.of(port)
+    if mend is Mend.ENCODER:  # the angle counts as the encoder does
+        true = rewired(PartialRig(true, {}, frozenset()), mend).rig
     try:
-        return track(port, controller_for(port, true), done.points, Limits.of(true))
+        return track(port, controller_for(port, true), points, Limits.of(true))
     except PamError as error:
         return not_possible(error)
 
