@@ -26,7 +26,7 @@ OF_A_PERSON = {
     "sign of the joint": Mend.ENCODER, "hoses": Mend.HOSES,
     "sign of both valves": Mend.AT_ROBOT, "sign of one valve": Mend.AT_ROBOT,
 }  # fmt: skip
-FIRST = "small steps of the angle"
+FIRST = "hold small steps of the angle"
 
 
 @pytest.fixture(scope="module")

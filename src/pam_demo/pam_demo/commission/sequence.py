@@ -189,7 +189,11 @@ class Commissioning:
             if self.kept.checked:
                 self.tell("start-up check: passed before")
                 return rig, known
-            self._allowed("open each valve for a moment, and give each muscle a small test pulse")
+            first, second = rig.joints[0].muscles
+            self._allowed(
+                f"open each valve for a moment, and give {first} and then {second} a small test "
+                "pulse; watch which of them swells"
+            )
             reason, wrong = touch(self.port, rig), False
             if not reason:
                 findings = start_up_check(self.port, easily_turned(rig, known, self.said))
