@@ -142,12 +142,12 @@ def design(known: Sequence[Known]) -> list[dict[str, float]]:
     middle = {one.name: one.value for one in known}
     return [
         *(middle | {one.name: _end(one, sign) for one, sign in zip(free, row, strict=True)}
-          for row in signs(len(free)).tolist()),
+          for row in _signs(len(free)).tolist()),
         middle,
     ]  # fmt: skip
 
 
-def signs(count: int) -> Array:
+def _signs(count: int) -> Array:
     """Ends of `count` numbers, one row for each robot."""
     size = 2 ** math.ceil(math.log2(count + 1))
     found: Array = hadamard(size)[:, 1 : count + 1].astype(float)
@@ -198,7 +198,7 @@ def least_favourable(
         [foreseen(rig, robot, motion, scale, limits, SCREENED).all for robot in robots]
     )
     found = np.minimum(found, 10.0)
-    effects = signs(len(free)).T @ (found[:-1] - found[:-1].mean(axis=0))
+    effects = _signs(len(free)).T @ (found[:-1] - found[:-1].mean(axis=0))
     middle = robots[-1]
     chosen = []
     for column in range(found.shape[1]):

@@ -149,7 +149,7 @@ class Commissioning:
                     rig = result.calibration.rig
                     known = narrowed(known, result.calibration.numbers)
             result.rig = rig
-            self._track(known)
+            self._track()
         except EndedError as error:
             result.ended = str(error)
             result.rig = None
@@ -310,7 +310,7 @@ class Commissioning:
         if found.refused:
             self.tell(f"nothing identified yet: {' '.join(found.refused)}")
 
-    def _track(self, known: Sequence[Known]) -> None:
+    def _track(self) -> None:
         """The tracking test with the identified rig, and with the rig file as it was."""
         result, port = self.result, self.port
         assert result.rig is not None
@@ -339,17 +339,18 @@ class Commissioning:
         self.kept.track("before", result.before.table)
         if result.after.stopped:
             raise EndedError(f"tracking test: {result.after.stopped}")
-        self._judge(known, lambda simulated: track(simulated, controller, points, limits))
+        self._judge(lambda simulated: track(simulated, controller, points, limits))
 
-    def _judge(self, known: Sequence[Known], test: Callable[[NoisyPort], Tracked]) -> None:
+    def _judge(self, test: Callable[[NoisyPort], Tracked]) -> None:
         """Whether the joint tracks as it should with the numbers that were identified."""
         result = self.result
         assert result.rig is not None
         assert result.calibration is not None
         assert result.after is not None
-        small, noise = result.calibration.ordinary, noise_of(result.calibration)
+        assert result.calibration.posterior is not None
+        noise, posterior = noise_of(result.calibration), result.calibration.posterior
         result.expected = self.compute(
-            partial(expected, result.rig, known, small, noise, self.port.period, test)
+            partial(expected, result.rig, posterior, noise, self.port.period, test)
         )
         result.doubt = doubt(result.after.rms, result.expected, result.calibration.numbers)
         if result.doubt:
