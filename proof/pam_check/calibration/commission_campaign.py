@@ -81,8 +81,8 @@ class Result:
     warned : str
         What the commissioning says of a tracking that is worse than its numbers predict, or that
         they leave open.
-    expected : (float, float)
-        The least and the largest RMS error that its numbers predict [rad].
+    expected : tuple of float
+        RMS errors that its numbers predict, the smallest first [rad]; empty if there are none.
     """
 
     rig: int
@@ -100,7 +100,7 @@ class Result:
     apart: float = math.nan
     was_told: bool = False
     warned: str = ""
-    expected: tuple[float, float] = (math.nan, math.nan)
+    expected: tuple[float, ...] = ()
 
     @property
     def is_within_limits(self) -> bool:
@@ -133,8 +133,8 @@ class Result:
         return (
             f"{text}; before {1e3 * self.before:.2f}, after {1e3 * self.after:.2f}, true file "
             f"{1e3 * self.true:.2f} mrad: {self.ratio:.2f}; expected "
-            f"{1e3 * self.expected[0]:.2f} to {1e3 * self.expected[1]:.2f}"
-            + ("; DOUBT" if self.warned else "")
+            f"{1e3 * min(self.expected, default=math.nan):.2f} to "
+            f"{1e3 * max(self.expected, default=math.nan):.2f}" + ("; DOUBT" if self.warned else "")
         )
 
 
@@ -226,7 +226,7 @@ def commission(
         result.true, result.after = true.rms, done.after.rms
         result.told, result.warned = done.after.stopped, done.doubt
         if done.expected is not None:
-            result.expected = done.expected.errors[0], done.expected.errors[-1]
+            result.expected = done.expected.errors
         both = done.after.table["reference"], true.table["reference"]
         count = min(map(len, both))
         if count:

@@ -25,8 +25,8 @@ from pam_gap.prediction.channel_order import BOTH_PRESSURES, POSITION
 from pam_model.rig import Rig
 
 ROBOTS: Final = 19
-WIDE: Final = 1.5
-"""Error on the worst robot over that on the middle one, above which more should be known [-]."""
+WORSE: Final = 1.5
+"""Error over that on the middle robot, above which more should be known of the numbers [-]."""
 NAMED: Final = 2
 """Numbers that are named as doubtful."""
 
@@ -98,11 +98,6 @@ class Expected:
     def middle(self) -> float:
         """The median [rad]."""
         return self.errors[len(self.errors) // 2]
-
-    @property
-    def is_wide(self) -> bool:
-        """Whether the numbers leave open how well the joint tracks."""
-        return self.errors[-1] > WIDE * self.middle
 
 
 def expected(
@@ -176,10 +171,10 @@ def doubt(measured: float, on_robots: Expected, numbers: Sequence[CalibratedNumb
             "what is in brackets would determine them. Then diagnose the recordings with "
             "`pam gap diagnose`."
         )
-    if on_robots.is_wide:
+    if measured > WORSE * on_robots.middle:
         return (
-            f"The numbers leave open how well the joint tracks ({least:.2f} to {most:.2f} mrad). "
-            f"The error depends most on {' and '.join(names)}; what is in brackets would determine "
-            "them."
+            f"The joint tracks with {1e3 * measured:.2f} mrad RMS, and perhaps could do better: "
+            f"its numbers leave {least:.2f} to {most:.2f} mrad open. The error depends most on "
+            f"{' and '.join(names)}; what is in brackets would determine them."
         )
     return ""
