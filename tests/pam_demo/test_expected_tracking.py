@@ -113,7 +113,7 @@ def test_numbers_that_leave_the_tracking_open_are_told(
 ) -> None:
     wide = Expected((1e-3, 2e-3, math.inf), (KEYS[1],))
     text = doubt(3.1e-3, wide, numbers)
-    assert "1.00 to inf mrad open" in text
+    assert "1.00 mrad to a test that is not followed to its end" in text
     assert "elbow.viscous_friction (faster motion that overshoots" in text
     assert not doubt(2.9e-3, wide, numbers)
 

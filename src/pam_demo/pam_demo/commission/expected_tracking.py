@@ -8,6 +8,7 @@ Soc. B 25, 1963, p. 294; with 19 robots, one joint in twenty that is as describe
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -162,11 +163,13 @@ def doubt(measured: float, on_robots: Expected, numbers: Sequence[CalibratedNumb
     names = [
         f"{key} ({what_would_help(by_key[key])})" for key in on_robots.doubtful if key in by_key
     ]
-    least, most = 1e3 * on_robots.errors[0], 1e3 * on_robots.errors[-1]
+    ends = f"{1e3 * on_robots.errors[0]:.2f} to {1e3 * on_robots.errors[-1]:.2f} mrad"
+    if not math.isfinite(on_robots.errors[-1]):
+        ends = f"{1e3 * on_robots.errors[0]:.2f} mrad to a test that is not followed to its end"
     if measured > on_robots.errors[-1]:
         return (
             f"The joint tracks with {1e3 * measured:.2f} mrad RMS, which is worse than its numbers "
-            f"predict ({least:.2f} to {most:.2f} mrad): one of them is wrong, or something acts on "
+            f"predict ({ends}): one of them is wrong, or something acts on "
             f"the joint that no number describes. The error depends most on {' and '.join(names)}; "
             "what is in brackets would determine them. Then diagnose the recordings with "
             "`pam gap diagnose`."
@@ -174,7 +177,6 @@ def doubt(measured: float, on_robots: Expected, numbers: Sequence[CalibratedNumb
     if measured > WORSE * on_robots.middle:
         return (
             f"The joint tracks with {1e3 * measured:.2f} mrad RMS, and perhaps could do better: "
-            f"its numbers leave {least:.2f} to {most:.2f} mrad open. The error depends most on "
-            f"{' and '.join(names)}; what is in brackets would determine them."
+            f"its numbers leave {ends} open. The error depends most on {' and '.join(names)}; what is in brackets would determine them."
         )
     return ""
