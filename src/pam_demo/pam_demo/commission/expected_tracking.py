@@ -177,6 +177,7 @@ def doubt(measured: float, on_robots: Expected, numbers: Sequence[CalibratedNumb
     if measured > WORSE * on_robots.middle:
         return (
             f"The joint tracks with {1e3 * measured:.2f} mrad RMS, and perhaps could do better: "
-            f"its numbers leave {ends} open. The error depends most on {' and '.join(names)}; what is in brackets would determine them."
+            f"its numbers leave {ends} open. The error depends most on {' and '.join(names)}; "
+            "what is in brackets would determine them."
         )
     return ""
