@@ -97,6 +97,16 @@ def test_limits_that_the_driver_has_the_wrong_way_round_are_told(
     assert "muscles: [elbow_extensor, elbow_flexor]" in done.ended
 
 
+def test_pressures_that_the_driver_permits_the_wrong_muscle_are_told(
+    elbow: Rig, begin: Callable[..., Commissioned]
+) -> None:
+    muscle = elbow.muscles[0]
+    rig = elbow.with_muscle(replace(muscle, max_pressure=0.8 * muscle.max_pressure))
+    done = begin(WiredPort(rig, "hoses"), Mend.HOSES, rig)
+    assert not done.steps
+    assert "exchange board, channel, pressure_sensor and valve of elbow_flexor and" in done.ended
+
+
 def test_a_valve_belongs_to_the_muscle_that_it_fills_with_its_wire_and_what_is_known_of_it(
     elbow: Rig,
 ) -> None:

@@ -80,14 +80,21 @@ def why_not(partial: PartialRig, mend: Mend) -> str:
     The driver keeps the limits of the file with which it was started.
     """
     joint = partial.rig.joints[0]
+    first, second = (partial.rig.muscle(name) for name in joint.muscles)
     lower, upper = joint.position_limits
-    if mend is not Mend.ENCODER or lower == -upper:
+    if mend is Mend.HOSES and first.max_pressure != second.max_pressure:
+        change = f"exchange board, channel, pressure_sensor and valve of {first.name} and "
+        change += second.name
+    elif mend is Mend.ENCODER and lower != -upper:
+        change = (
+            f"write muscles: [{second.name}, {first.name}], position_limits: [{-upper:g}, "
+            f"{-lower:g}], gravity_angle: {-joint.gravity_angle:g} for {joint.name}"
+        )
+    else:
         return ""
-    first, second = joint.muscles
     return (
-        f"The driver keeps the limits that it was started with. Write for {joint.name} in the rig "
-        f"file: muscles: [{second}, {first}], position_limits: [{-upper:g}, {-lower:g}], "
-        f"gravity_angle: {-joint.gravity_angle:g}; then start the driver and this command with it."
+        f"The driver keeps the limits that it was started with. In the rig file, {change}; then "
+        "start the driver and this command with it."
     )
 
 

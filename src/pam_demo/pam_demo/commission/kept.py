@@ -50,7 +50,7 @@ class Kept:
                 state = json.loads(path.read_text(encoding="utf-8"))
                 if state["task"] == self._digest:
                     self.checked = bool(state["checked"])
-                    self.exchanged = str(state["exchanged"])
+                    self.exchanged = str(state.get("exchanged", ""))
                     self.seconds = float(state["seconds"])
                     self._names = [str(name) for name in state["recordings"]]
 
