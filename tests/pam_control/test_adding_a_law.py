@@ -105,7 +105,7 @@ def test_a_law_of_another_package_brings_its_parameter_to_every_place(other_pack
     values = {name: each.default for name, each in entries.items()}
     assert law_from({**values, "law": "soft", "soft.share": 0.25}).share == 0.25
     controller = create_controller(rig, {**values, "law": "soft", "soft.share": 0.7}, ["elbow"])
-    assert controller.law.share == 0.7
+    assert controller.prepared.law.share == 0.7
 
 
 def test_the_node_reads_checks_and_explains_the_parameter_of_such_a_law(other_package):

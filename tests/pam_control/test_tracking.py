@@ -82,7 +82,7 @@ def test_a_stiffness_out_of_reach_is_cut_and_told(closed_loop, laws):
     loop = closed_loop(controller)
     controller.set_stiffness([500.0])
     record = loop.run(16.0)
-    low, high = controller.stiffness_range(0)
+    low, high = controller.channels[0].stiffness_range
     assert controller.channels[0].telemetry.clipped == ("stiffness",)
     assert 0.0 < low < high < 500.0
     assert record.column(7, 15.5)[-1] == pytest.approx(high, rel=0.02)

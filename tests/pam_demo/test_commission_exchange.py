@@ -51,7 +51,7 @@ def begin(
                 port.exchanged = ""
             return mend is sees
 
-        partial = PartialRig(rig, {}, frozenset())
+        partial = PartialRig(rig)
         kept = Kept(tmp_path / "out", "")
         return Commissioning(
             port, partial, SAID, kept, lambda _: None, lambda what: FIRST not in what,
@@ -137,7 +137,7 @@ def test_a_valve_belongs_to_the_muscle_that_it_fills_with_its_wire_and_what_is_k
 
 
 def test_the_new_rig_file_has_the_wires_as_they_are(elbow: Rig, tmp_path: Path) -> None:
-    partial = PartialRig(elbow, {}, frozenset())
+    partial = PartialRig(elbow)
     rig = rewired(partial, Mend.HOSES).rig
     done = Commissioned(rig=rig, calibration=Calibration("elbow"), exchanged="<b>Crossed.</b>")
     write_results(partial, "elbow", done, tmp_path)

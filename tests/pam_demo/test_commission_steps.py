@@ -48,7 +48,7 @@ def elbow() -> Rig:
 
 @pytest.fixture(scope="module")
 def known(elbow: Rig) -> tuple[Known, ...]:
-    return as_written(PartialRig(elbow, {}, frozenset()), SAID, CalibrationRules())
+    return as_written(PartialRig(elbow), SAID, CalibrationRules())
 
 
 # --- the watch ------------------------------------------------------------------------------------
@@ -118,7 +118,7 @@ def test_a_free_joint_that_is_lighter_than_its_file_says_passes(elbow: Rig, heav
         true = true.with_muscle(
             replace(muscle, turns=0.95 * muscle.turns, neutral_length=1.03 * muscle.neutral_length)
         )
-    known = as_written(PartialRig(written, {}, frozenset()), SAID, CalibrationRules())
+    known = as_written(PartialRig(written), SAID, CalibrationRules())
     assert start_up_check(WiredPort(true), easily_turned(written, known, SAID)) == ()
 
 

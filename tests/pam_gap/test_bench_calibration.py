@@ -53,7 +53,7 @@ def rough(rig: Rig) -> Rig:
 
 @pytest.fixture(scope="module")
 def found(bench: Rig, log: Recording) -> Calibration:
-    partial = PartialRig(rough(bench), {}, frozenset())
+    partial = PartialRig(rough(bench))
     return calibrate_bench_muscle(partial, MUSCLE, [log], [log], said=SAID)
 
 
@@ -77,7 +77,7 @@ def test_the_prediction_gets_better(found: Calibration) -> None:
 
 def test_without_commands_the_force_is_enough(bench: Rig, log: Recording) -> None:
     values = {name: v for name, v in log.values.items() if not name.startswith("valve")}
-    partial = PartialRig(rough(bench), {}, frozenset())
+    partial = PartialRig(rough(bench))
     answer = calibrate_bench_muscle(partial, MUSCLE, [replace(log, values=values)], said=SAID)
     assert answer.rig is not None
     assert not any(".valve." in one.key for one in answer.numbers)
@@ -103,7 +103,7 @@ def test_three_held_lengths_are_enough(bench: Rig) -> None:
     }
     valid = {name: np.ones(time.size, dtype=np.bool_) for name in values}
     held = Recording(Path("held"), step, time, values, valid, ())
-    partial = PartialRig(rough(bench), {}, frozenset())
+    partial = PartialRig(rough(bench))
     answer = calibrate_bench_muscle(partial, MUSCLE, [held], said=SAID)
     assert answer.rig is not None
     assert answer.rig.muscle(MUSCLE).turns == pytest.approx(muscle.turns, rel=0.02)
@@ -112,7 +112,7 @@ def test_three_held_lengths_are_enough(bench: Rig) -> None:
 def test_a_reversed_force_is_named(bench: Rig, log: Recording) -> None:
     force = f"muscle_states.{MUSCLE}.effort"
     values = {**log.values, force: -log.values[force]}
-    partial = PartialRig(rough(bench), {}, frozenset())
+    partial = PartialRig(rough(bench))
     answer = calibrate_bench_muscle(partial, MUSCLE, [replace(log, values=values)], said=SAID)
     assert answer.rig is None
     assert "the force" in answer.wiring[0] and MUSCLE in answer.wiring[0]
@@ -121,7 +121,7 @@ def test_a_reversed_force_is_named(bench: Rig, log: Recording) -> None:
 def test_a_length_in_millimetres_is_refused(bench: Rig, log: Recording) -> None:
     length = f"muscle_states.{MUSCLE}.position"
     values = {**log.values, length: 1e3 * log.values[length]}
-    partial = PartialRig(bench, {}, frozenset())
+    partial = PartialRig(bench)
     with pytest.raises(RecordingError, match=rf"{length} reaches .* expected the length"):
         calibrate_bench_muscle(partial, MUSCLE, [replace(log, values=values)], said=SAID)
 

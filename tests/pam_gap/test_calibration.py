@@ -73,7 +73,7 @@ def log(record: Maker) -> Recording:
 
 @pytest.fixture(scope="module")
 def found(rig: Rig, log: Recording) -> Calibration:
-    partial = PartialRig(rough(rig), {}, frozenset())
+    partial = PartialRig(rough(rig))
     return calibrate_joint(partial, 0, [log], [log], said=SAID)
 
 
@@ -159,7 +159,7 @@ def test_an_exchange_is_named_and_gives_no_rig_file(rig: Rig, log: Recording, tu
         for kind in ("valve_commands.", "pressure_states."):
             pair = (kind + first, kind + second)
             values[pair[0]], values[pair[1]] = values[pair[1]], values[pair[0]]
-    partial = PartialRig(rough(rig), {}, frozenset())
+    partial = PartialRig(rough(rig))
     answer = calibrate_joint(partial, 0, [replace(log, values=values)], said=SAID)
     assert answer.rig is None
     assert answer.wiring and answer.refused == answer.wiring

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+import yaml
 
 from pam_gap.__main__ import main
 from pam_gap.import_log.import_log import MAP, PAGE, TABLE, ask_about, import_log
@@ -53,6 +54,21 @@ def test_a_map_is_proposed_shown_and_gives_the_recording(
         assert text in page
     again = import_log(log, rig, tmp_path / "again", map_path=tmp_path / "out" / MAP)
     assert again.column_map.channels == preview.column_map.channels
+
+
+def test_a_log_is_imported_with_the_rough_rig_file_that_a_calibration_begins_with(
+    log: Path, rig: Rig, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A map needs the names of the rig file and its kinds of valve, not its numbers."""
+    tree = rig.to_parameters()
+    del tree["elbow"]["inertia"]
+    tree[rig.joints[0].muscles[0]]["valve"]["sonic_conductance"] = {"between": [1e-9, 1e-8]}
+    rough = tmp_path / "rough.yaml"
+    rough.write_text(yaml.safe_dump({"/**": {"ros__parameters": tree}}), encoding="utf-8")
+    arguments = ["import", str(log), "--rig", str(rough), "--out", str(tmp_path / "out"), "--check"]
+    assert main(arguments) == 0
+    assert "pam gap calibrate" in capsys.readouterr().out
+    assert (tmp_path / "out" / TABLE).exists()
 
 
 def test_what_a_diagnosis_would_refuse_is_said_on_the_page_and_gives_no_table(

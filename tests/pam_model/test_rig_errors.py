@@ -176,6 +176,17 @@ def test_problem_is_named(changes: dict[str, Any], expected: str) -> None:
     assert all(line.startswith("my_rig.yaml: ") for line in message.splitlines())
 
 
+def test_lengths_are_judged_with_the_radius_that_holds() -> None:
+    """A radius out of reach is refused in both spellings; one that an effect mends is not."""
+    with pytest.raises(RigError) as number:
+        rig_from_parameters(tree_with({"elbow.pulley_radius": 0.06}))
+    with pytest.raises(RigError) as effect:
+        rig_from_parameters(tree_with({"elbow.effects.pulley_radius.scale": 2.0}))
+    assert str(effect.value) == str(number.value)
+    mended = {"elbow.pulley_radius": 0.06, "elbow.effects.pulley_radius.scale": 0.5}
+    assert rig_from_parameters(tree_with(mended)).joints[0].pulley_radius == 0.06
+
+
 def test_all_problems_come_at_once() -> None:
     changes = {
         "supply_pressure": 7.0,

@@ -249,7 +249,7 @@ def _with_true_file(
     if mend is not None:
         port = CrossedPort.of(port)
     if mend is Mend.ENCODER:  # the angle counts as the encoder does
-        true = rewired(PartialRig(true, {}, frozenset()), mend).rig
+        true = rewired(PartialRig(true), mend).rig
     try:
         return track(port, controller_for(port, true), points, Limits.of(true))
     except PamError as error:

@@ -43,8 +43,8 @@ from pam_control.feedback.gain_schedule import GainSchedule
 from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.feedback.pid import PidGains
 from pam_control.laws.pressure_difference_pid import PressureDifferencePid
-from pam_control.loop_design import Loops, PreparedSettings
 from pam_control.loop_guard import GuardAction, LoopGuard, Means
+from pam_control.prepared_settings import Loops, PreparedSettings
 from pam_control.references.trajectory import TrajectoryPoint
 from pam_model.rig import Rig
 

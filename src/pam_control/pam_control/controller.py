@@ -30,8 +30,9 @@ from pam_control.joint_models import JointModels
 from pam_control.joint_setup import joint_setups
 from pam_control.laws.law import AnyLaw
 from pam_control.laws.position_stiffness import PositionStiffness
-from pam_control.loop_design import LoopDesign, Loops, PreparedSettings
-from pam_control.loop_guard import GuardAction, LoopGuard, Means
+from pam_control.loop_design import LoopDesign
+from pam_control.loop_guard import GuardAction, LoopGuard
+from pam_control.prepared_settings import Loops, PreparedSettings
 from pam_control.reference_limits import ReferenceLimits
 from pam_control.reference_lowering import LoweringPhase, ReferenceLowering
 from pam_control.references.reference_generator import ReferenceGenerator
@@ -119,21 +120,16 @@ class Controller:
     # --- settings ---------------------------------------------------------------------------------
 
     @property
-    def law(self) -> AnyLaw:
-        """The control law that is in force, with its parameters as they were asked for."""
-        return self.prepared.law
-
-    @property
     def design(self) -> LoopDesign:
         """Designs and checks the gains of the law."""
-        return self._design(self.law)
+        return self._design(self.prepared.law)
 
     def _design(self, law: AnyLaw) -> LoopDesign:
         return LoopDesign(self.rig, self._models, law, self.designs)
 
     def is_quick(self, settings: ControlSettings, law: AnyLaw | None = None) -> bool:
         """Whether `prepare` only copies: it designs, checks and reads nothing."""
-        return self._design(law or self.law).is_quick(settings, self.prepared)
+        return self._design(law or self.prepared.law).is_quick(settings, self.prepared)
 
     def prepare(self, settings: ControlSettings, law: AnyLaw | None = None) -> PreparedSettings:
         """Design and check other settings, which may take minutes; nothing changes yet.
@@ -152,8 +148,8 @@ class Controller:
         PamError
             For another law: a state of one has no meaning for another.
         """
-        law = law or self.law
-        if type(law) is not type(self.law):
+        law = law or self.prepared.law
+        if type(law) is not type(self.prepared.law):
             raise PamError(f"law = {law.name!r}: can only be changed by a restart")
         self.limits.foresee(self._default_stiffness(settings))
         return self._design(law).changed(settings, self.prepared)
@@ -175,33 +171,12 @@ class Controller:
         after = self._default_stiffness(prepared.asked)
         if after != before and self.stiffness_commands == before:  # none was commanded
             self.limits.use(after)
-        self._apply(self._loops())
-
-    @property
-    def adapts(self) -> bool:
-        """Whether the joints and the valves are learnt."""
-        return self.settings.adaptation and self.law.has_adaptation
-
-    @property
-    def can_soften(self) -> bool:
-        """Whether there are soft gains for these settings."""
-        return self.prepared.soft is not None
-
-    def _loops(self) -> Loops:
-        """The loops that the guard permits."""
-        if self.guard.softened and self.prepared.soft is not None:
-            return self.prepared.soft
-        lower = (self.prepared.normal, *self.prepared.lowered)
-        return lower[min(self.guard.lowered, len(lower) - 1)]
+        self._apply(self.prepared.loops(self.guard))
 
     def _apply(self, loops: Loops) -> None:
         """Use these loops from the next step on, without a jump of the desired pressures."""
         self.settings = settings = loops.settings
-        self._means = Means(
-            self.can_soften,
-            len(self.prepared.lowered),
-            [min(each.crossover for each in found) for found in self.prepared.normal.margins],
-        )
+        self._means = self.prepared.means
         setups = joint_setups(self._models, self.prepared, loops)
         self._cycle.use(setups)
         if not settings.adaptation:
@@ -278,19 +253,9 @@ class Controller:
         CommandError
             When this law takes no torques, or for values that cannot be used.
         """
-        if not self.law.takes_torques:
+        if not self.prepared.law.takes_torques:
             raise CommandError("torque command rejected: only law torque takes torques")
         self._torques.command(values, now)
-
-    def stiffness_range(self, index: int) -> tuple[float, float]:
-        """Least and greatest stiffness [N m/rad] of joint `index` at its present reference."""
-        models, reference = self._models[index], self.channels[index].telemetry.reference
-        if math.isnan(reference.position):
-            return math.nan, math.nan
-        torque = models.torque(reference)
-        low = models.model.pressures_for(torque, 0.0, reference.position)
-        high = models.model.pressures_for(torque, 1e9, reference.position)
-        return float(low.stiffness), float(high.stiffness)
 
     def _default_stiffness(self, settings: ControlSettings) -> list[float]:
         return [each.scale.complete(settings).default_stiffness for each in self._models]
@@ -350,7 +315,7 @@ class Controller:
 
     def reason_against_motion(self) -> str:
         """Why this law follows no trajectories and no streams; empty if it does."""
-        return self.law.against_motion
+        return self.prepared.law.against_motion
 
     # --- running --------------------------------------------------------------------------------
 
@@ -371,7 +336,7 @@ class Controller:
             `stale_after`.
         """
         torques = self._torques.at(time, self.settings.stream_timeout)
-        if self.law.guides:
+        if self.prepared.law.guides:
             self._guide(time, torques)
         reason = self.guard.stopped or missing_measurement(
             time, measurement, self.rig, self._models, self.settings.stale_after
@@ -424,7 +389,7 @@ class Controller:
                 return output
         match self.guard.judge(time, joints, self.settings.tracking_time, self._means):
             case GuardAction.LOWER | GuardAction.SOFTEN:
-                self._apply(self._loops())
+                self._apply(self.prepared.loops(self.guard))
             case GuardAction.STOP:
                 return self._stopped()
         return output

@@ -158,7 +158,7 @@ class ControllerHealth:
         setup, telemetry, name = channel.setup, channel.telemetry, channel.models.name
         worst, gains = setup.margins[0], channel.gains
         cycles = max(counts.cycles, 1)
-        low, high = controller.stiffness_range(index)
+        low, high = channel.stiffness_range
         values = {
             "following": controller.references.following(name),
             "rms error [rad]": math.sqrt(counts.squares / cycles),
@@ -180,7 +180,7 @@ class ControllerHealth:
             "integral gain [N m/(rad s)]": gains.integral,
             "derivative gain [N m s/rad]": gains.derivative,
         }
-        if controller.adapts:
+        if setup.adapts:
             values |= setup.law.report(channel.models, channel.law_state, telemetry)
             values["learnt delay of the position [s]"] = channel.late_position
             values["learnt delay of the pressures [s]"] = channel.late_pressures

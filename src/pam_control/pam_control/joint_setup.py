@@ -11,7 +11,7 @@ from pam_control.feedback.margins import Margins
 from pam_control.joint_models import JointModels, PerMuscle
 from pam_control.laws.law import AnyLaw
 from pam_control.learning.motion_learner import MotionLearner
-from pam_control.loop_design import Loops, PreparedSettings
+from pam_control.prepared_settings import Loops, PreparedSettings
 from pam_control.settings import ControlSettings
 
 

@@ -6,7 +6,6 @@ import contextlib
 import dataclasses
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
@@ -27,6 +26,7 @@ from pam_control.joint_models import JointModels
 from pam_control.laws.law import AnyLaw
 from pam_control.learning.learning_filter import LearningFilter
 from pam_control.learning.learning_session import LearningSession
+from pam_control.prepared_settings import Loops, PreparedSettings
 from pam_control.settings import ControlSettings
 from pam_model.errors import RigError
 from pam_model.rig import Rig
@@ -36,82 +36,6 @@ WARM_UP = 2  # repetitions in which the adaptation learns the rig
 LEARNING_FIELDS = ("learning_motion", "learning_file", "adaptation", "default_stiffness")
 LOWERED = (0.6, 0.36)  # shares of the gains for a joint that swings a little
 STIFFNESS_RANGE = 0.15  # about the default stiffness, for which learning converges
-
-
-@dataclass(frozen=True, slots=True)
-class Loops:
-    """Settings with all gains, and the margins of every joint with them.
-
-    Attributes
-    ----------
-    settings : ControlSettings
-        No gain is missing.
-    margins : list of list of Margins
-        By joint.
-    soft : bool
-        Whether they are for a joint that has oscillated: nothing is learnt then.
-    """
-
-    settings: ControlSettings
-    margins: list[list[Margins]]
-    soft: bool = False
-
-    def changed_to(self, settings: ControlSettings) -> Loops:
-        """Other settings with the same loops."""
-        mine = self.settings
-        kept = {
-            "gains": mine.gains,
-            "pressure_gain": mine.pressure_gain,
-            "observer": mine.observer,
-            "extra_delay": mine.extra_delay,
-            "adaptation": settings.adaptation and not self.soft,
-        }
-        return dataclasses.replace(self, settings=settings.replace(**kept))
-
-    def lowered(self, share: float) -> Loops:
-        """The loops with a share of the gains [-]; the integral gets its square.
-
-        So the integral's phase lag moves away from the crossover. The margins are not known.
-        """
-        gains = {
-            name: schedule.changed(
-                lambda each: dataclasses.replace(
-                    each,
-                    proportional=share * each.proportional,
-                    integral=share * share * each.integral,
-                    derivative=share * each.derivative,
-                    observer=share * each.observer,
-                )
-            )
-            for name, schedule in self.settings.gains.items()
-        }
-        return dataclasses.replace(self, settings=self.settings.replace(gains=gains))
-
-
-@dataclass(frozen=True, slots=True)
-class PreparedSettings:
-    """Settings and law as asked for, the loops with all gains, and what is learnt.
-
-    Attributes
-    ----------
-    asked, law
-        As asked for.
-    normal : Loops
-        Usually in use.
-    soft : Loops or None
-        For a joint that has oscillated; None if there are none.
-    learning : LearningSession or None
-        Of a motion that is repeated.
-    lowered : tuple of Loops
-        For a joint that swings a little, each with lower gains than the one before.
-    """
-
-    asked: ControlSettings
-    law: AnyLaw
-    normal: Loops
-    soft: Loops | None
-    learning: LearningSession | None = None
-    lowered: tuple[Loops, ...] = ()
 
 
 class LoopDesign:

@@ -106,7 +106,7 @@ class OperatorServices:
                 "nothing is learnt with soft gains, which are used until the next vent: "
                 f"{controller.guard.softened}"
             )
-        if not controller.adapts:
+        if not any(channel.setup.adapts for channel in controller.channels):
             raise PamError(
                 "nothing is learnt: adaptation.enabled is false, or the law is not model_based"
             )

@@ -15,7 +15,7 @@ from typing import Any, Final
 
 from pam_control.controller import Controller
 from pam_control.controller_parameters import law_from, settings_from
-from pam_control.loop_design import PreparedSettings
+from pam_control.prepared_settings import PreparedSettings
 from pam_model.errors import PamError
 from pam_ros.parameter_row import Value
 

@@ -303,12 +303,12 @@ def _declare_record(parser: Parser) -> None:
 
 def _record(given: Arguments) -> Outcome:
     from pam_gap.live.record_node import record  # noqa: PLC0415  (rclpy)
-    from pam_model.rig import load_rig  # noqa: PLC0415  (numpy)
+    from pam_model.rig.partial import load_partial_rig  # noqa: PLC0415  (numpy)
 
     def tell(line: str) -> None:
         print(line, flush=True)
 
-    rig = load_rig(given.rig)
+    rig = load_partial_rig(given.rig).rig  # only its names and topics matter here
     missing = record(rig, given.out, given.namespace, given.duration, tell)
     print(f"written: {given.out}; missing: {'; '.join(missing) or 'nothing'}")
     return Outcome({"bag": given.out, "missing": missing}, missing)

@@ -149,6 +149,17 @@ class JointChannel:
         return self._setup.gains.at(self._setup.law.stiffness(self._state))
 
     @property
+    def stiffness_range(self) -> tuple[float, float]:
+        """Least and greatest stiffness [N m/rad] at the present reference."""
+        models, reference = self.models, self._telemetry.reference
+        if math.isnan(reference.position):
+            return math.nan, math.nan
+        torque = models.torque(reference)
+        low = models.model.pressures_for(torque, 0.0, reference.position)
+        high = models.model.pressures_for(torque, 1e9, reference.position)
+        return float(low.stiffness), float(high.stiffness)
+
+    @property
     def integral(self) -> float:
         """Of the feedback, in the unit of its output."""
         return float(self._k[K_FEEDBACK + F_INTEGRAL])

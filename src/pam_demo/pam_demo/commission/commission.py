@@ -212,7 +212,7 @@ def run(
         robot = f"simulated {given.simulate.read_text(encoding='utf-8')}"
     task = "\n".join([name, repr(said), repr(period), robot, path.read_text(encoding="utf-8")])
     if given.simulate is not None:
-        true = one_joint(PartialRig(load_rig(given.simulate), {}, frozenset()), name).rig
+        true = one_joint(PartialRig(load_rig(given.simulate)), name).rig
         done = commission(
             SimulatedPort(true, period), partial, name, task, given.out, said, asked,
             confirm=person,

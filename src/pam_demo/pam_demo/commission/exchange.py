@@ -120,7 +120,8 @@ def rewired(partial: PartialRig, mend: Mend) -> PartialRig:
             )  # fmt: skip
         places = {f"{a.name}.valve.": f"{b.name}.valve." for a, b in _both(first, second)}
         ranges = {_moved(key, places): ends for key, ends in partial.ranges.items()}
-        return PartialRig(rig, ranges, frozenset(_moved(key, places) for key in partial.missing))
+        missing = frozenset(_moved(key, places) for key in partial.missing)
+        return replace(partial, rig=rig, ranges=ranges, missing=missing)
     lower, upper = joint.position_limits
     joint = replace(
         joint,
@@ -133,7 +134,7 @@ def rewired(partial: PartialRig, mend: Mend) -> PartialRig:
     ranges = {
         key: (-ends[1], -ends[0]) if key == angle else ends for key, ends in partial.ranges.items()
     }
-    return PartialRig(rig, ranges, partial.missing)
+    return replace(partial, rig=rig, ranges=ranges)
 
 
 def _both[T](first: T, second: T) -> Sequence[tuple[T, T]]:

@@ -42,6 +42,7 @@ from pam_gap.recordings.text_table import Table
 from pam_model.command_line import Arguments, Outcome
 from pam_model.errors import PamError
 from pam_model.rig import Rig, load_rig
+from pam_model.rig.partial import load_partial_rig
 from pam_ros.foreign_text import all_shown, shown
 
 _MOST = 12
@@ -198,6 +199,7 @@ def import_log(
     map_path: Path | None = None,
     rate: float = 0.0,
     ask: Ask | None = None,
+    is_rough: bool = False,
 ) -> Preview:
     """Read a log, and write map, preview and table to `out`.
 
@@ -215,6 +217,8 @@ def import_log(
         Rate [Hz] of a table without a time, for the proposal.
     ask : callable, optional
         Asks about every channel of a proposal.
+    is_rough : bool
+        Whether numbers of the rig are guesses, so that no verdict can be judged yet.
 
     Raises
     ------
@@ -244,7 +248,7 @@ def import_log(
         problems,
         _missing(rig, recording),
         table.remarks,
-        [] if problems else _no_verdict(rig, recording),
+        [] if problems or is_rough else _no_verdict(rig, recording),
     )
     (out / PAGE).write_text(render(preview), encoding="utf-8")
     if recording is not None and not problems:
@@ -259,9 +263,11 @@ def import_log(
 def run(given: Arguments) -> Outcome:
     """Import a log and say what was understood; the command of `pam_gap.__main__`."""
     terminal = sys.stdin.isatty() and sys.stdout.isatty() and not given.json
+    partial = load_partial_rig(given.rig)
+    rig = partial.rig if partial.is_rough else load_rig(given.rig)
     preview = import_log(
-        given.log, load_rig(given.rig), given.out, map_path=given.map, rate=given.rate,
-        ask=input if terminal and given.map is None else None,
+        given.log, rig, given.out, map_path=given.map, rate=given.rate,
+        ask=input if terminal and given.map is None else None, is_rough=partial.is_rough,
     )  # fmt: skip
     for channel, entry in preview.column_map.channels.items():
         made_of = " + ".join(map(shown, entry.columns))
@@ -279,6 +285,8 @@ def run(given: Arguments) -> Outcome:
         print(f"refused: {text}")
     for text in preview.no_verdict:
         print(f"no verdict can follow: {text}")
+    if partial.is_rough:
+        print("note: the rig file is rough; find its numbers with `pam gap calibrate` and this map")
     print(f"written: {given.out}")
     return Outcome(
         {

@@ -21,6 +21,7 @@ _EXPONENT = re.compile(r"[-+]?\d+(\.\d*)?[eE][-+]?\d+")
 
 BETWEEN = "between"
 """Key of a range in place of a number, in a rig file that is to be calibrated."""
+FOUND = "; `pam gap calibrate` finds it from a recording"
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +29,8 @@ class Key:
     """A number in a rig file: its unit, bounds, and its default if it is optional.
 
     A number that is `by_size` may be left out as well: it then follows from the rest of the rig.
-    `text` says what it means, in one line.
+    `text` says what it means, in one line. `guess` is where a calibration begins that finds the
+    number from a recording; None for a number that no recording determines.
     """
 
     unit: str
@@ -37,6 +39,7 @@ class Key:
     default: float | None = None
     by_size: bool = False
     text: str = ""
+    guess: float | None = None
 
 
 TURN = 2.0 * math.pi
@@ -74,13 +77,13 @@ NUMBERS: Mapping[str, Mapping[str, Key]] = {
     "joint": {
         "pulley_radius": Key("m", 1e-3, 0.5,
             text="radius at which the tendons of both muscles pull"),
-        "inertia": Key("kg m^2", 1e-8, 1e3, text="about the joint's axis"),
-        "viscous_friction": Key("N m s/rad", 0.0, 1e3, 0.0,
+        "inertia": Key("kg m^2", 1e-8, 1e3, text="about the joint's axis", guess=1e-3),
+        "viscous_friction": Key("N m s/rad", 0.0, 1e3, 0.0, guess=1e-3,
             text="torque of the joint's own damping over its speed"),
-        "gravity_torque": Key("N m", -1e4, 1e4, 0.0,
+        "gravity_torque": Key("N m", -1e4, 1e4, 0.0, guess=0.0,
             text="m g l; torque = -gravity_torque sin(position - gravity_angle); 0 on a joint "
                  "with a vertical axis"),
-        "gravity_angle": Key("rad", -TURN, TURN, 0.0,
+        "gravity_angle": Key("rad", -TURN, TURN, 0.0, guess=0.0,
             text="position at which gravity exerts no torque"),
         "max_velocity": Key("rad/s", 0.01, 100.0, 6.0,
             text="largest speed of the joint; references keep 60 % of it, and the driver stops "
@@ -100,14 +103,15 @@ NUMBERS: Mapping[str, Mapping[str, Key]] = {
         "wall_thickness": Key("m", 0.0, 0.02, 0.0, text="t_k, bladder and sheath"),
         "rest_length": Key("m", 5e-3, 10.0, text="unpressurised braid length"),
         "neutral_length": Key("m", 5e-3, 10.0, text="length at joint position 0"),
-        "dead_volume": Key("m^3", 0.0, 0.01, 0.0,
+        "dead_volume": Key("m^3", 0.0, 0.01, 0.0, guess=2e-5,
             text="gas volume outside the braid (fittings, tube)"),
         "max_pressure": Key("Pa gauge", 1e4, 2.5e6, text="the driver vents above it"),
     },
     "valve": {
-        "sonic_conductance": Key("m^3/(s Pa)", 1e-12, 1e-5, text="ISO 6358 C, fully open"),
-        "critical_ratio": Key("-", 0.0, 0.99, 0.3, text="ISO 6358 b"),
-        "time_constant": Key("s", 1e-5, 2.0, 0.005,
+        "sonic_conductance": Key("m^3/(s Pa)", 1e-12, 1e-5, guess=5e-9,
+            text="ISO 6358 C, fully open"),
+        "critical_ratio": Key("-", 0.0, 0.99, 0.3, text="ISO 6358 b", guess=0.3),
+        "time_constant": Key("s", 1e-5, 2.0, 0.005, guess=0.008,
             text="of the spool, first order; pressure regulator: of each of its two poles"),
         "damping": Key("-", 0.1, 3.0,
             text="pressure regulator: damping ratio of its two poles (without: 1); below 1 it "
@@ -240,8 +244,7 @@ class Section:
         if isinstance(value, Mapping) and BETWEEN in value:
             self.add(
                 name,
-                f": a range, where a number{unit and ' in' + unit} is needed; `pam gap calibrate` "
-                "finds it from a recording",
+                f": a range, where a number{unit and ' in' + unit} is needed{FOUND}",
             )
             return None
         if isinstance(value, bool) or not isinstance(value, int | float):
@@ -267,7 +270,8 @@ class Section:
         if value is None:
             if key.default is None and not (optional or key.by_size):
                 unit = "" if key.unit == "-" else f" in {key.unit}"
-                self.add(name, f": missing; a number{unit} is needed")
+                found = "" if key.guess is None else FOUND
+                self.add(name, f": missing; a number{unit} is needed{found}")
             return key.default
         return self.check(name, value, key)
 

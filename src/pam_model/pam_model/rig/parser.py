@@ -10,7 +10,7 @@ from typing import Any
 from pam_model.effects import EFFECTS, Scope
 from pam_model.errors import PamError, RigError
 from pam_model.muscles.force_model import ForceModel, registered_models, unknown_model
-from pam_model.physics.joint_geometry import AGONIST_SIGN, ANTAGONIST_SIGN, muscle_length
+from pam_model.rig.arms import arms_of
 from pam_model.rig.bus_keys import beside_rig_file, check_buses, read_buses
 from pam_model.rig.keys import (
     LENGTH_TOLERANCE,
@@ -202,17 +202,15 @@ def _check_reach(rig: Rig, problems: Problems) -> None:
             models[muscle.name] = rig.force_model(muscle.name)
         except PamError as error:
             problems.add(f"{muscle.name}.model", f" = {muscle.model}: {error}")
+    arms = {rig.muscle_names[arm.muscle]: arm for arm in arms_of(rig)}
     for muscle in rig.muscles:
-        joint, model = rig.joint_of(muscle.name), models.get(muscle.name)
+        model = models.get(muscle.name)
         if model is None:
             continue
-        sign = ANTAGONIST_SIGN
-        if joint is not None and joint.agonist == muscle.name:
-            sign = AGONIST_SIGN
-        limits = (0.0,) if joint is None else joint.position_limits
-        radius = 0.0 if joint is None else joint.pulley_radius
-        for position in limits:
-            length = muscle_length(muscle.neutral_length, sign, radius, position)
+        arm = arms.get(muscle.name)
+        positions = (0.0,) if arm is None else rig.joints[arm.joint].position_limits
+        for position in positions:
+            length = muscle.neutral_length - (0.0 if arm is None else arm.length * position)
             low, high = model.length_bounds
             where = f" = {muscle.neutral_length:g} m: at position {position:g} rad"
             if not low < length < high:

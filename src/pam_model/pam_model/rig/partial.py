@@ -10,11 +10,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from copy import deepcopy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from pam_model.errors import RigError
+from pam_model.rig.arms import arms_of
 from pam_model.rig.file import read_parameters
 from pam_model.rig.keys import BETWEEN, NUMBERS, Key, Problems, Section
 from pam_model.rig.parser import parse_rig, unflatten
@@ -24,17 +25,6 @@ INERTIA_PER_TORQUE = 0.004
 """Guess of a missing inertia [kg m^2] for each N m of the agonist's torque, as in `size`."""
 FRICTION_PER_TORQUE = 0.01
 """Guess of a missing viscous friction [N m s/rad] for each N m."""
-MISSING: Mapping[str, Mapping[str, float]] = {
-    "joint": {
-        "inertia": 1e-3,
-        "viscous_friction": 1e-3,
-        "gravity_torque": 0.0,
-        "gravity_angle": 0.0,
-    },
-    "muscle": {"dead_volume": 2e-5},
-    "valve": {"sonic_conductance": 5e-9, "critical_ratio": 0.3, "time_constant": 0.008},
-}
-"""Numbers that may be missing, with the guess from which a calibration starts."""
 STATED: Mapping[str, tuple[str, ...]] = {
     "": ("supply_pressure",),
     "joint": ("pulley_radius",),
@@ -57,11 +47,15 @@ class PartialRig:
         Lowest and highest value of the numbers that are given as a range, by key.
     missing : frozenset of str
         Keys of the numbers that are not written.
+    is_rough : bool
+        Whether a tool that needs numbers refuses the file: there is a range, or a number without a
+        default is missing.
     """
 
     rig: Rig
-    ranges: Mapping[str, tuple[float, float]]
-    missing: frozenset[str]
+    ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    missing: frozenset[str] = frozenset()
+    is_rough: bool = False
 
 
 def load_partial_rig(path: str | Path) -> PartialRig:
@@ -86,9 +80,11 @@ def load_partial_rig(path: str | Path) -> PartialRig:
     problems = Problems(str(path))
     ranges: dict[str, tuple[float, float]] = {}
     missing: set[str] = set()
+    is_rough = False
     filled = deepcopy(tree)
     for where, section in _sections(filled):
-        guesses = MISSING.get(section, {})
+        keys = NUMBERS[section]
+        guesses = {name: key.guess for name, key in keys.items() if key.guess is not None}
         branch = _branch(filled, where)
         if branch is None:
             continue
@@ -97,16 +93,17 @@ def load_partial_rig(path: str | Path) -> PartialRig:
             if name not in branch:
                 if name in guesses:
                     missing.add(reader.key(name))
+                    is_rough |= keys[name].default is None
                     branch[name] = guesses[name]
             elif isinstance(branch[name], Mapping):
-                found = _range(reader, name, NUMBERS[section][name])
+                found = _range(reader, name, keys[name])
                 if found is not None:
-                    ranges[reader.key(name)] = found
+                    ranges[reader.key(name)], is_rough = found, True
                     branch[name] = middle(*found)
     if problems.lines:
         raise RigError("\n".join(problems.lines))
     rig = parse_rig(filled, str(path), folders=(path.parent,), must_reach=False)
-    return PartialRig(_with_guesses(rig, missing), ranges, frozenset(missing))
+    return PartialRig(_with_guesses(rig, missing), ranges, frozenset(missing), is_rough)
 
 
 def middle(low: float, high: float) -> float:
@@ -165,10 +162,12 @@ def _range(section: Section, name: str, key: Key) -> tuple[float, float] | None:
 def _with_guesses(rig: Rig, missing: set[str]) -> Rig:
     """The rig with guesses of inertia and friction that suit the torque of its muscles."""
     guesses = {"inertia": INERTIA_PER_TORQUE, "viscous_friction": FRICTION_PER_TORQUE}
-    for joint in rig.joints:
-        muscle = rig.muscle(joint.agonist)
+    for arm in arms_of(rig):
+        joint, muscle = rig.joints[arm.joint], rig.muscles[arm.muscle]
+        if arm.length < 0.0:
+            continue
         model = rig.force_model(muscle.name)
-        torque = joint.pulley_radius * model.force(muscle.max_pressure, muscle.neutral_length)
+        torque = arm.length * model.force(muscle.max_pressure, muscle.neutral_length)
         changes: dict[str, Any] = {
             name: per_torque * float(torque)
             for name, per_torque in guesses.items()

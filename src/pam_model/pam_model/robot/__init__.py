@@ -4,9 +4,9 @@
 `pam_model.views`.
 """
 
+from pam_model.rig.arms import Arm
 from pam_model.robot.compose import compose, compose_in_parts
 from pam_model.robot.robot import (
-    Arm,
     Robot,
     RobotJoint,
     RobotMuscle,

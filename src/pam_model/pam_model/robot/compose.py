@@ -6,11 +6,10 @@ from collections.abc import Callable, Iterator
 
 from pam_model.effects import EffectValues, adjusted, switched_on
 from pam_model.effects.slots import SCOPES
-from pam_model.physics.joint_geometry import SIGNS
+from pam_model.rig.arms import Arm, arms_of
 from pam_model.rig.types import Joint, Muscle, Rig
 from pam_model.robot.robot import (
     AppliedLaw,
-    Arm,
     Robot,
     RobotJoint,
     RobotMuscle,
@@ -51,7 +50,7 @@ def compose_in_parts(rig: Rig) -> Iterator[Robot | None]:
 
     Arguments and errors are those of `compose`.
     """
-    arms = _arms(rig)
+    arms = arms_of(rig)
     of_rig = _numbers(rig.effects)
     supply = Supply(
         rig.supply_pressure,
@@ -73,20 +72,6 @@ def compose_in_parts(rig: Rig) -> Iterator[Robot | None]:
 def _numbers(effects: EffectValues) -> Number:
     """A number of the ideal rig after the effects of one muscle, one joint or the rig."""
     return lambda target, written: adjusted(target, written, effects)
-
-
-def _arms(rig: Rig) -> tuple[Arm, ...]:
-    """Every muscle at its joint. The rig file has two muscles on one round pulley at each joint."""
-    places = {name: place for place, name in enumerate(rig.muscle_names)}
-    return tuple(
-        Arm(
-            joint,
-            places[name],
-            sign * _numbers(written.effects)("joint.pulley_radius", written.pulley_radius),
-        )
-        for joint, written in enumerate(rig.joints)
-        for name, sign in zip(written.muscles, SIGNS, strict=True)
-    )
 
 
 def _laws(effects: EffectValues, scope: str) -> tuple[AppliedLaw, ...]:

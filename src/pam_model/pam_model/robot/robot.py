@@ -18,28 +18,11 @@ from typing import Any, Protocol
 from pam_model.effects import Effect
 from pam_model.effects.slots import Slot
 from pam_model.muscles.force_model import ForceModel, MuscleGeometry
+from pam_model.rig.arms import Arm
 from pam_model.rig.types import Gas, Plausibility, Rig, ValveKind
 
 AppliedLaw = tuple[Effect, Slot, tuple[float, ...]]
 """An effect that is switched on, one of its slots, and the values of its parameters."""
-
-
-@dataclass(frozen=True, slots=True)
-class Arm:
-    """One muscle at one joint.
-
-    Attributes
-    ----------
-    joint, muscle : int
-        Their places in the robot.
-    length : float
-        Torque per pull [m]: positive if the muscle pulls towards positive positions. The length of
-        the muscle's path falls by as much per radian.
-    """
-
-    joint: int
-    muscle: int
-    length: float
 
 
 @dataclass(frozen=True, slots=True)

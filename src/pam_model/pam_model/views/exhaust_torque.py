@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from pam_model.robot.robot import Arm, Robot, RobotMuscle
+from pam_model.rig.arms import Arm
+from pam_model.robot.robot import Robot, RobotMuscle
 from pam_model.views.gas_volume import gas_volume
 from pam_model.views.muscle_path import path_length
 from pam_model.views.pressure_rate import pressure_rate

@@ -10,7 +10,8 @@ time T and falls as fast turns it by about g p T^2 / (4 J).
 
 from __future__ import annotations
 
-from pam_model.robot.robot import Arm, Robot
+from pam_model.rig.arms import Arm
+from pam_model.robot.robot import Robot
 from pam_model.views.gravity import largest_gravity_torque
 from pam_model.views.muscle_path import lengths_over_travel
 
