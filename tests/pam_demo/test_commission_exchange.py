@@ -35,8 +35,14 @@ def elbow() -> Rig:
 
 
 @pytest.fixture
+def asked() -> list[str]:
+    """The steps for which permission was asked."""
+    return []
+
+
+@pytest.fixture
 def begin(
-    elbow: Rig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    elbow: Rig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, asked: list[str]
 ) -> Callable[..., Commissioned]:
     """Commission up to the first motion of the angle, with a person who sees one thing."""
     monkeypatch.setattr(
@@ -51,24 +57,27 @@ def begin(
                 port.exchanged = ""
             return mend is sees
 
+        def ask(what: str) -> bool:
+            asked.append(what)
+            return FIRST not in what
+
         partial = PartialRig(rig)
         kept = Kept(tmp_path / "out", "")
-        return Commissioning(
-            port, partial, SAID, kept, lambda _: None, lambda what: FIRST not in what,
-            confirm=confirm,
-        ).run()  # fmt: skip
+        return Commissioning(port, partial, SAID, kept, lambda _: None, ask, confirm=confirm).run()
 
     return run
 
 
 @pytest.mark.parametrize("exchanged", EXCHANGES)
 def test_what_a_person_confirms_is_mended_and_the_first_motion_is_played(
-    elbow: Rig, begin: Callable[..., Commissioned], exchanged: str
+    elbow: Rig, begin: Callable[..., Commissioned], asked: list[str], exchanged: str
 ) -> None:
     port = WiredPort(elbow, exchanged)
     done = begin(port, OF_A_PERSON[exchanged])
     assert done.ended.startswith(f"not allowed: {FIRST}")
     assert [step.motion for step in done.steps] == ["filling"]
+    pulses = sum("test pulse" in what for what in asked)  # all were right, changed over
+    assert pulses == (2 if OF_A_PERSON[exchanged] is Mend.AT_ROBOT else 1)
     turned = [abs(one.position - port.truth[0].position) for one in port.truth]
     assert max(turned) < 0.2
     again = begin(WiredPort(elbow, port.exchanged), None)  # nobody is asked twice

@@ -112,10 +112,13 @@ class Finding(NamedTuple):
         In words.
     turns_wrong : bool
         Whether every pulse that turned the joint turned it the wrong way.
+    is_complete : bool
+        Whether the pulse of every muscle turned the joint, and nothing else was found.
     """
 
     text: str
     turns_wrong: bool = False
+    is_complete: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -253,7 +256,8 @@ def start_up_check(port: RobotPort, rig: Rig) -> tuple[Finding, ...]:
         reading = port.advance([f * (s or 1.0) for f, s in zip(set_points, scales, strict=True)])
     rest(port, rig, EMPTY)
     wrong = bool(check.turned_right) and not any(check.turned_right.values())
-    return tuple(Finding(str(one), wrong) for one in check.findings)
+    complete = len(check.turned_right) == len(check.findings) == len(robot.muscles)
+    return tuple(Finding(str(one), wrong, complete) for one in check.findings)
 
 
 def _sentence(reason: str) -> str:

@@ -49,7 +49,7 @@ from pam_demo.commission.least_favourable import Permitted, least_favourable, pe
 from pam_demo.commission.lower_priority import Compute, at_same_priority
 from pam_demo.commission.motion_loop import scale_of
 from pam_demo.commission.motions import SampledMotion, Scale, filling, staircase, steps
-from pam_demo.commission.play import Played, play, start_up_check, touch
+from pam_demo.commission.play import Finding, Played, play, start_up_check, touch
 from pam_demo.commission.robot_port import RobotPort
 from pam_demo.commission.simulated_port import SimulatedPort
 from pam_demo.commission.tracking import (
@@ -194,21 +194,23 @@ class Commissioning:
                 f"open each valve for a moment, and give {first} and then {second} a small test "
                 "pulse; watch which of them swells"
             )
-            reason, wrong = touch(self.port, rig), False
-            if not reason:
-                findings = start_up_check(self.port, easily_turned(rig, known, self.said))
-                reason = " ".join(f"Start-up check: {one.text}." for one in findings)
-                wrong = any(one.turns_wrong for one in findings)
-            if not reason:
+            reason = touch(self.port, rig)
+            findings = (
+                (Finding(reason),)
+                if reason
+                else start_up_check(self.port, easily_turned(rig, known, self.said))
+            )
+            if not findings:
                 self.tell("start-up check: valves, hoses, sensors and encoder belong together")
                 self.kept.check()
                 return rig, known
-            self._mended(reason, wrong)
+            reason = reason or " ".join(f"Start-up check: {one.text}." for one in findings)
+            self._mended(reason, findings[0])
 
-    def _mended(self, reason: str, turns_wrong: bool) -> None:
+    def _mended(self, reason: str, first: Finding) -> None:
         """Put right what the start-up check has found, as a person says; or end."""
         self.tell(reason)
-        by_rig_file = BY_RIG_FILE if turns_wrong and not self.kept.exchanged else ()
+        by_rig_file = BY_RIG_FILE if first.turns_wrong and not self.kept.exchanged else ()
         for mend in (*by_rig_file, Mend.AT_ROBOT):
             if self.confirm(mend, question(self.partial, mend)):
                 break
@@ -220,6 +222,8 @@ class Commissioning:
                 raise EndedError(f"{reason} {problem}")
             self.kept.exchange(mend.value)
             self._rewire(mend)
+            if first.is_complete:  # with the muscles changed over, all pulses were right
+                self.kept.check()
 
     def _rewire(self, mend: Mend) -> None:
         """Go on with a rig file that describes what is exchanged."""
