@@ -20,7 +20,6 @@ from pam_control.adaptation.recursive_fit import RecursiveFit, Suspect
 from pam_control.adaptation.tube_pressure import pressure_behind_tube
 from pam_control.controller import Controller
 from pam_control.cycle.pressure_loops import PressureLoops
-from pam_control.feedback.pid import handed_over
 from pam_control.feedback.stuck_integral import begin_sticking, given_back
 from pam_control.feedback.supply_reservoir import SupplyReservoir
 from pam_control.joint_models import JointModels
@@ -234,11 +233,6 @@ def test_a_suspect_is_used_only_where_nothing_else_can_be_the_cause():
         last[apart] = fit.weights
     assert last[0.03] == pytest.approx([0.5, 0.0], abs=0.02)
     assert last[1.0] == pytest.approx([0.0, 0.5], abs=0.02)
-
-
-def test_the_integral_gives_up_what_was_learnt_and_no_more():
-    for carried, learnt, left in ((0.5, 0.3, 0.2), (0.2, -0.4, 0.2), (0.2, 0.7, 0.0)):
-        assert handed_over(carried, learnt) == pytest.approx(left)
 
 
 def sticking():

@@ -21,6 +21,11 @@ What the weights explain must be larger than a threshold. Near it, they are redu
 1 - (threshold/explained)^2, which is 0 below it. So a rig that matches its rig file stays
 untouched by noise.
 
+An exact rival, whose functions are the law itself, is believed sooner than one whose functions only
+resemble it: the more of the values it explains, the faster the weights follow, although its errors
+are still larger than the noise; and it has to explain only more than noise would by chance, which
+is the variance of the errors for each function. A motion that has just begun is told in time so.
+
 Sources: J. A. Hoeting, D. Madigan, A. E. Raftery, C. T. Volinsky, "Bayesian model averaging: a
 tutorial", Statistical Science 14 (1999) 382-417; D. J. C. MacKay, "Bayesian interpolation", Neural
 Computation 4 (1992) 415-447 (evidence with an estimated variance); J. J. Judice, F. M. Pires,
@@ -41,6 +46,7 @@ import numpy as np
 from pam_control.adaptation.forgetting_fit import ForgettingFit
 from pam_control.adaptation.normal_equations import (
     CORRELATED,
+    ENERGY,
     N_SUMS,
     SEEN,
     Array,
@@ -67,8 +73,10 @@ UNEXPLAINED: Final = N_SUMS
 # Rows of weights: as the data show them, as they are used, bounds, sums, and scratch
 FITTED, FOLLOWED, BOUND, WANTED, SIDE, N_ROWS = range(6)
 # Of each rival: log odds, least gain, logarithm of the determinant of its penalty, what it leaves,
-# evidence and probability
-ODDS, BETTER, PRIOR_SIZE, LEFT, EVIDENCE, PROBABILITY, N_RIVAL = range(7)
+# evidence, probability, number of its functions, what it would explain of noise, and whether it is
+# exact
+(ODDS, BETTER, PRIOR_SIZE, LEFT, EVIDENCE, PROBABILITY, COUNT, BY_CHANCE, EXACT,
+ N_RIVAL) = range(10)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,11 +93,14 @@ class Rival:
     better : float
         Squared errors of the best ordinary rival over its own, at least, for it to take part [-]; 1
         for an ordinary one. The evidence alone would prefer it for any trifle that all rivals lack.
+    exact : bool
+        Whether its functions are those of the law itself, and do not only resemble it.
     """
 
     functions: tuple[int, ...]
     log_odds: float
     better: float = 1.0
+    exact: bool = True
 
 
 def rival_left(state: Any, rows: Any, products: Any, weights: Any) -> float:
@@ -158,7 +169,7 @@ def fit_rivals(
         regular_equations(products, penalty, variance, held[r], 0.0, scratch)
         factorise(scratch, count)
         occam = log_determinant(scratch, count) - rival[PRIOR_SIZE]
-        rival[LEFT] = left
+        rival[LEFT], rival[BY_CHANCE] = left, variance * rival[COUNT]
         rival[EVIDENCE] = rival[ODDS] - 0.5 * (occam + samples * math.log(variance) + errors)
         if rival[BETTER] == 1.0:
             ordinary = min(ordinary, left)
@@ -174,15 +185,22 @@ def fit_rivals(
     fitted = rows[FITTED]
     for i in range(count):
         fitted[i] = 0.0
-    left = 0.0
+    left = by_chance = exact = 0.0
     for r in range(len(rivals)):
-        rivals[r][PROBABILITY] /= total
-        left += rivals[r][PROBABILITY] * rivals[r][LEFT]
+        rival = rivals[r]
+        rival[PROBABILITY] /= total
+        left += rival[PROBABILITY] * rival[LEFT]
+        by_chance += rival[PROBABILITY] * rival[BY_CHANCE]
+        exact += rival[PROBABILITY] * rival[EXACT]
         for i in range(count):
-            fitted[i] += rivals[r][PROBABILITY] * solutions[r][i]
+            fitted[i] += rival[PROBABILITY] * solutions[r][i]
     doubtful = (EXPLAINED * given[NOISE]) ** 2
-    state[UNEXPLAINED] = min((left + before * doubtful) / (samples * doubtful), 1.0)
-    used = worth(square_sum(products, fitted), given[THRESHOLD] ** 2 * state[SEEN])
+    unexplained = min((left + before * doubtful) / (samples * doubtful), 1.0)
+    share = min((left + doubt) / (state[ENERGY] + doubt), unexplained)
+    state[UNEXPLAINED] = unexplained + exact * (share - unexplained)
+    trifle = given[THRESHOLD] ** 2 * state[SEEN]
+    least = trifle + exact * (min(by_chance, trifle) - trifle)
+    used = worth(square_sum(products, fitted), least)
     for i in range(count):
         fitted[i] *= used
 
@@ -252,6 +270,8 @@ class AveragedFit(ForgettingFit):
         sums[BOUND] = self._bounds
         table[:, ODDS] = [rival.log_odds for rival in self._rivals]
         table[:, BETTER] = [rival.better for rival in self._rivals]
+        table[:, COUNT] = [len(rival.functions) for rival in self._rivals]
+        table[:, EXACT] = [rival.exact for rival in self._rivals]
         table[:, PRIOR_SIZE] = np.log(self._penalty).sum(axis=1)
         table[:, PROBABILITY] = 1.0 / rivals
         self._sums, self._table = for_kernel(sums), for_kernel(table)

@@ -95,15 +95,15 @@ DELAY: Final = 7 + len(SLIP_LENGTHS)
 STIFFNESS: Final = DELAY + 1
 RIVALS: Final = (
     Rival(SMOOTH, 0.0),
-    Rival((*SMOOTH, *SLIPS), 2.0),
+    Rival((*SMOOTH, *SLIPS), 2.0, exact=False),
     Rival((*SMOOTH, STIFFNESS), 0.0, better=4.0),
-    Rival((*SMOOTH, DELAY), 0.0, better=2.0),
-    Rival((*SMOOTH, *SLIPS, DELAY), 0.0, better=4.0),
+    Rival((*SMOOTH, DELAY), 0.0, better=2.0, exact=False),
+    Rival((*SMOOTH, *SLIPS, DELAY), 0.0, better=4.0, exact=False),
 )
 """By the numbers of the functions of `motion_functions`, after which come the delay and the
 stiffness. Dry friction is ordinary. A delay has to explain what nothing else does. So has the
 stiffness, which friction resembles where a joint sticks while it is taken over; and a delay beside
-friction, of which the slip elements are only an approximation, even more."""
+friction even more. Slip elements only resemble friction, and a rate only a delay."""
 DRY: Final = 0.02  # rad; longer slip elements are hysteresis, by which a joint does not stick
 
 
@@ -189,17 +189,17 @@ def weighted(
     return float(found)
 
 
-def learnt_torque(
-    y: Any, row: Any, time: float, position: float, velocity: float, acceleration: float,
-    limit: float,
-) -> float:  # fmt: skip
-    """Torque [N m] to be added for the reference at a time [s], within a limit [N m]."""
+def move_reference(y: Any, row: Any, time: float, position: float) -> None:
+    """Let the reference be at a position [rad] at a time [s]."""
     step = 0.0 if math.isnan(y[Y_PLANNED_AT]) else max(time - y[Y_PLANNED_AT], 0.0)
     y[Y_PLANNED_AT], y[Y_REFERENCE] = time, position
     move_memory(row, A_PLANNED, position, step)
-    return limited(
-        weighted(row, y[Y_STIFFNESS], position, velocity, acceleration, False), -limit, limit
-    )
+
+
+def learnt_torque(y: Any, row: Any, moment: Any, at: int, limit: float) -> float:
+    """Torque [N m] to be added for the moment of the reference in a row, within a limit [N m]."""
+    found = weighted(row, y[Y_STIFFNESS], moment[at + 1], moment[at + 2], moment[at + 3], False)
+    return limited(found, -limit, limit)
 
 
 class TorqueAdaptation:
@@ -284,27 +284,19 @@ class TorqueAdaptation:
         self._waits, self._taken_over_at = True, math.nan
         self._stood: tuple[tuple[float, ...], float] | None = None  # the sample there
 
-    def update(self) -> float:
-        """Learn from the filtered samples; due when `take_torque` says so.
-
-        Returns
-        -------
-        float
-            What was learnt now of the planned torque that lasts while the joint goes on [N m]. The
-            integral of the feedback has carried it until now.
-        """
+    def update(self) -> None:
+        """Learn from the filtered samples; due when `take_torque` says so."""
         row = self._row
         stands, since = abs(float(row[A_SPEED_TWICE])) <= STILL, float(row[A_SINCE])
         row[A_SINCE] = 0.0
         if stands and not self._waits:
-            return 0.0
-        before, (functions, value, speed) = self._lasting_part(), self._sample()
+            return
+        functions, value, speed = self._sample()
         if self._waits:
             self._wait(functions, value, stands)
         if not stands:
             self._fit.update(functions, value, since * min(abs(speed) / SLOW, 1.0))
         self._use()
-        return self._lasting_part() - before
 
     def _wait(self, functions: tuple[float, ...], value: float, stands: bool) -> None:
         """Keep the sample of a joint that was taken over; take it when the reference moves."""
@@ -328,13 +320,6 @@ class TorqueAdaptation:
         speed, push = 0.5 * (row[A_SPEED_BEFORE] + twice), (once - twice) / FILTER
         model = self._damping * speed + self._inertia * push
         return (*smooth[1:4], speed, push, *smooth[4:]), smooth[0] - model, speed
-
-    def _lasting_part(self) -> float:
-        """Of the planned torque, without what ends with the speed [N m]."""
-        q = float(self._y[Y_REFERENCE])
-        if math.isnan(q):
-            return 0.0
-        return weighted(listed(self._row), float(self._y[Y_STIFFNESS]), q, 0.0, 0.0, False)
 
     def at_rest(self, position: float, limit: float) -> float:
         """The learnt torque of a joint that begins at rest at a position [rad], limited [N m]."""

@@ -50,6 +50,7 @@ from pam_control.rows.plan_rows import (
     W_REFERENCE,
     W_SPEED,
     X_FRESH,
+    X_HANDED,
     X_INTEGRAL,
     X_MEASURED_AT,
     X_MISSED,
@@ -190,6 +191,7 @@ def settle(owned: Any, x: Any, k: Any, u: Any, cut: Any, step: float, sinks: boo
         integrate(
             k[i], K_FEEDBACK, K_GAINS, k[i][K_SEEN_ERROR], step, x[i][X_MISSED],
             u[i][U_INTEGRAL_LIMIT], sinks or (x[i][X_MISSED] == 0.0 and saturated),
+            x[i][X_HANDED],
         )  # fmt: skip
 
 

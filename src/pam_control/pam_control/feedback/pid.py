@@ -100,8 +100,9 @@ def led(row: Any, f: int, g: int) -> float:
 
 
 def integrate(
-    row: Any, f: int, g: int, error: float, step: float, missed: float, limit: float, frozen: bool
-) -> None:
+    row: Any, f: int, g: int, error: float, step: float, missed: float, limit: float, frozen: bool,
+    handed: float = 0.0,
+) -> None:  # fmt: skip
     """Advance the integrator.
 
     Parameters
@@ -115,29 +116,41 @@ def integrate(
     missed : float
         Reachable minus requested output, in the output's unit; not 0 if the output is clipped.
     limit : float
-        Largest absolute value of the integral, in the output's unit. An integral above it, as
-        after a change of parameters, shrinks to it slowly, so that the joint does not drop.
+        Largest absolute value of what the integral carries, in the output's unit. An integral
+        above it, as after a change of parameters, shrinks to it slowly, so that the joint does not
+        drop.
     frozen : bool
         The integral may only shrink, because an inner loop is saturated, which `missed` does
         not show.
+    handed : float
+        Part of the integral that a feedforward takes off again: the integral carries the rest.
     """
-    integral = row[f + F_INTEGRAL]
+    carried = row[f + F_INTEGRAL] - handed
     change = row[g + G_INTEGRAL] * error * step
     if missed != 0.0 and row[g + G_INTEGRAL] > 0.0:
         # tracking time of the anti-windup: the integral time constant
         tracking = max(row[g + G_PROPORTIONAL] / row[g + G_INTEGRAL], 2.0 * row[g + G_FILTER])
         change += missed * min(step / tracking, 1.0)
-    if frozen and change * integral > 0.0:
+    if frozen and change * carried > 0.0:
         return
-    limit = max(limit, abs(integral) * (1.0 - min(step / SHRINKING_TIME, 1.0)))
-    row[f + F_INTEGRAL] = limited(integral + change, -limit, limit)
+    limit = max(limit, abs(carried) * (1.0 - min(step / SHRINKING_TIME, 1.0)))
+    row[f + F_INTEGRAL] = handed + limited(carried + change, -limit, limit)
 
 
-def handed_over(integral: float, torque: float) -> float:
-    """An integral without what another part of the law gives from now on [N m].
+def hand_over(carried: float, torque: float, handed: float, most: float) -> float:
+    """What a feedforward takes off an integral, after it has learnt to give a torque [N m].
 
-    The integral only shrinks towards 0: what the proportional part carried was never in it.
+    Parameters
+    ----------
+    carried : float
+        By the integral until now. It only shrinks towards 0: what the proportional part carried was
+        never in it.
+    torque : float
+        Which another part of the law gives from now on.
+    handed, most : float
+        What is taken off until now, and its largest absolute value.
     """
-    if torque * integral > 0.0:
-        return math.copysign(max(abs(integral) - abs(torque), 0.0), integral)
-    return integral
+    given = 0.0
+    if torque * carried > 0.0:
+        given = math.copysign(min(abs(carried), abs(torque)), carried)
+    return limited(handed + given, -most, most)

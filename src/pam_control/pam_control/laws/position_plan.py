@@ -11,11 +11,11 @@ import math
 from typing import Any, Final
 
 from pam_control.adaptation.stiffness_estimate import EVERY as ESTIMATE_EVERY
-from pam_control.adaptation.torque_adaptation import learnt_torque, take_torque
+from pam_control.adaptation.torque_adaptation import learnt_torque, move_reference, take_torque
 from pam_control.compensation.dry_friction import friction_change
 from pam_control.compensation.history_torque import history_torque
 from pam_control.feedback.disturbance_observer import observed_loss
-from pam_control.feedback.pid import handed_over
+from pam_control.feedback.pid import hand_over
 from pam_control.feedback.stuck_integral import given_back
 from pam_control.limited import limited
 from pam_control.plan_memory import (
@@ -76,12 +76,12 @@ from pam_control.rows.plan_rows import (
     X_ESTIMATE_DUE,
     X_FACTOR,
     X_FRESH,
+    X_HANDED,
     X_INSIDE,
     X_INTEGRAL,
     X_IS_DUE,
     X_KNOWN,
     X_LAGGING_INSIDE,
-    X_LEARNT,
     X_LOST,
     X_MEASURED_AT,
     X_MISSED,
@@ -201,7 +201,8 @@ def observe(
     x[X_KNOWN] = history_torque(c, j, w, y, memory, time, position, velocity, push)
     x[X_USUAL] = 0.0
     if s[S_ADAPTS] > 0.0:
-        x[X_USUAL] = learnt_torque(y, a, time, position, velocity, push, s[S_ADAPTATION_LIMIT])
+        move_reference(y, a, time, position)
+        x[X_USUAL] = learnt_torque(y, a, then, W_ACTS, s[S_ADAPTATION_LIMIT])
     x[X_BASE], x[X_CORRECTION] = x[X_USUAL], 0.0
 
 
@@ -250,7 +251,7 @@ def plan_now(
             x[X_OBSERVER], s[S_SPEED_FILTER], s[S_OBSERVER_LIMIT],
         )  # fmt: skip
         torque += x[X_LOST]
-    x[X_PLANNED_TORQUE], x[X_LEARNT] = torque, 0.0
+    x[X_PLANNED_TORQUE] = torque
     x[X_IS_DUE] = x[X_ESTIMATE_DUE] = 0.0
     x[X_UNEXPLAINED] = math.nan
     if s[S_ADAPTS] > 0.0:
@@ -277,14 +278,15 @@ def aim_ahead(c: Any, s: Any, w: Any, x: Any, y: Any, a: Any) -> None:
         if x[X_BASE] == x[X_USUAL]:
             # by the feedforward, which is without the lag of the pressure loops: a change of the
             # integral itself would come later than that of what was learnt, and be a push
-            carried = integral - y[Y_HANDED]
-            y[Y_HANDED] += carried - handed_over(carried, x[X_LEARNT])
+            then, most = w[last_to_act(w)], s[S_ADAPTATION_LIMIT]
+            acts = learnt_torque(y, a, then, W_ACTS, most) - x[X_BASE] if x[X_IS_DUE] > 0.0 else 0.0
+            y[Y_HANDED] = hand_over(integral - y[Y_HANDED], acts, y[Y_HANDED], most)
         if a[A_KNOWS] > 0.0:  # so that a payload stays visible
             disturbance = (0.0 if math.isnan(disturbance) else disturbance) - x[X_BASE]
     friction = a[A_FRICTION] + dry_friction(c, 0.0)
     integral -= given_back(y, x, X_SEEN + 1, x[X_POSITION], integral, friction)
     y[Y_ADAPTED] = x[X_BASE]
-    x[X_NEW_INTEGRAL], x[X_DISTURBANCE] = integral, disturbance
+    x[X_NEW_INTEGRAL], x[X_DISTURBANCE], x[X_HANDED] = integral, disturbance, y[Y_HANDED]
     x[X_ASKED_TORQUE], x[X_ASKED_STIFFNESS] = x[X_PLANNED_TORQUE], x[X_PAST_STIFFNESS]
     x[X_ASKED_POSITION] = x[X_NOW + 1]
     for k in range(len(w)):
@@ -293,7 +295,7 @@ def aim_ahead(c: Any, s: Any, w: Any, x: Any, y: Any, a: Any) -> None:
 
 def aim_at_output(w: Any, x: Any, y: Any) -> None:
     """Torque and stiffness for now, without a feedforward."""
-    x[X_NEW_INTEGRAL], x[X_DISTURBANCE] = x[X_INTEGRAL], math.nan
+    x[X_NEW_INTEGRAL], x[X_DISTURBANCE], x[X_HANDED] = x[X_INTEGRAL], math.nan, 0.0
     x[X_ASKED_TORQUE], x[X_ASKED_STIFFNESS] = x[X_OUTPUT], y[Y_STIFFNESS]
     x[X_ASKED_POSITION] = x[X_POSITION]
     for k in range(len(w)):

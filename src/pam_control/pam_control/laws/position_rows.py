@@ -64,7 +64,6 @@ from pam_control.rows.plan_rows import (
     X_INSIDE,
     X_IS_DUE,
     X_LAGGING_INSIDE,
-    X_LEARNT,
     X_MEASURED_AT,
     X_OBSERVER,
     X_POSITION,
@@ -270,7 +269,7 @@ class PositionRows:
             stiffness.learn(0.0, aligned, float(x[X_LAGGING_INSIDE]), float(x[X_BESIDE]))
             y[Y_SINCE_ESTIMATE] = stiffness.since
         if x[X_IS_DUE] > 0.0:
-            x[X_LEARNT] = estimates.adaptation.update()
+            estimates.adaptation.update()
 
     def column(self, place: int, column: int) -> tuple[float, ...]:
         """A column of the rows of a joint's muscles, such as `W_PRESSURE`."""

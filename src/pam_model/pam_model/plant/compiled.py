@@ -249,4 +249,4 @@ def listed_column(array: Any, place: int) -> list[Any]:
 
 def listed(array: Any) -> list[Any]:
     """What `for_kernel` made, as nested lists of Python floats."""
-    return array.tolist() if HAVE_NUMBA else array  # type: ignore[no-any-return]
+    return array if isinstance(array, list) else array.tolist()
