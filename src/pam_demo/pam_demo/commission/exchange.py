@@ -56,7 +56,9 @@ def question(partial: PartialRig, mend: Mend) -> str:
             f"Does {first} swell when its own valve opens, so that the encoder counts the other "
             f"way? Then the new rig file counts the angle as the encoder does."
         )
-    return "Have you mended it at the robot, and are all muscles empty? Then the check begins anew."
+    return (
+        "Have you mended it at the robot, and are all muscles empty? Then the check begins again."
+    )
 
 
 def said_of(partial: PartialRig, mend: Mend) -> str:
