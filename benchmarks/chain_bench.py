@@ -26,7 +26,7 @@ from pathlib import Path
 from arm_of_joints import arm
 
 from pam_demo.chain import Chain, multicast_bus, private_domain
-from pam_demo.demo import REALTIME
+from pam_demo.demo import node_settings
 from pam_model.argument_types import count, number
 from pam_model.command_line import Arguments, Command, Outcome, Parser, run_command
 from pam_model.errors import PamError
@@ -90,7 +90,7 @@ def running_chain(
         save_rig(arm(joints), path)
         starts: dict[str, float] = {}
         with Chain([path], multicast_bus(), {**private_domain(), **CACHED}) as chain:
-            settings = {**REALTIME, "driver": {"activate_on_start": True, **REALTIME["driver"]}}
+            settings = node_settings(RATE)
             for name in reversed(processes):
                 begin = time.monotonic()
                 if name == "robot":

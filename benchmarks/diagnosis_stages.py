@@ -24,7 +24,6 @@ from unittest.mock import patch
 from diagnosis_bench import declare_rigs, draw_cases
 
 from pam_gap.answer.report import write_report
-from pam_gap.answer.report_of_diagnosis import report_data
 from pam_gap.diagnose_recordings import prepared_subject
 from pam_gap.diagnosis_engine import DiagnosisOptions
 from pam_gap.diagnosis_files import to_diagnose
@@ -34,7 +33,7 @@ from pam_model.argument_types import count
 from pam_model.command_line import Arguments, Command, Outcome, Parser, run_command
 
 IMPORTS = "import pam_gap.__main__, pam_gap.diagnosis_files"
-IMPORTS_FOR_REPORT = "import pam_gap.answer.report_of_diagnosis"
+IMPORTS_FOR_REPORT = "import pam_gap.answer.report"
 
 
 @dataclass(slots=True)
@@ -110,16 +109,14 @@ def staged_diagnosis(case: Path, out: Path, threads: int, *, quick: bool) -> lis
 
     with patch.object(PredictionProblem, "errors", simulated):
         clock.enter("reading the recording")
-        rig, read, names = to_diagnose(
-            [case / "recording.csv.gz"], case / "rig.yaml", None, ((), (), ())
-        )
+        rig, read, names = to_diagnose([case / "recording.csv.gz"], case / "rig.yaml", None, {})
         engine = prepared_subject(rig, names[0], read, DiagnosisOptions(threads, clock.enter))
         if quick:
             first_look(engine)
         else:
             diagnosis = engine.run()
             clock.enter("report")
-            write_report(report_data(engine.problem, diagnosis, ""), out / "report.html")
+            write_report(out / "report.html", engine.problem, diagnosis, "")
         clock.enter("done")
     return [imports, *(stage for stage in clock.stages if stage.name != "done")]
 

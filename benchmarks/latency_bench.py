@@ -27,7 +27,7 @@ from pathlib import Path
 from statistics import median, quantiles
 
 from pam_demo.chain import BusChoice, Chain, multicast_bus, private_domain
-from pam_demo.demo import REALTIME
+from pam_demo.demo import node_settings
 from pam_driver.boards.pam_board.codec import BoardCodec, Measurement, ValveCommand
 from pam_driver.buses import OnlyBus, open_buses
 from pam_driver.can_bus.bus import CanPort, open_bus
@@ -70,7 +70,7 @@ def simulated(bus: BusChoice, jumping: Jumping) -> Iterator[None]:
     simulated = SimulatedRig(rig, quality=SensorQuality(0.0, 0.0, 1.0, 1e-6), now=time.monotonic())
     simulated.faults.sensors[0, 0] = jumping
     only = OnlyBus(bus.interface, bus.channel, None, {"port": bus.port})
-    priority = int(REALTIME["rig"]["realtime_priority"])
+    priority = int(node_settings(RATE)["rig"]["realtime_priority"])
     ports = open_buses(rig, simulated.wiring, only)
     loop = RigLoop(simulated, ports, 1000.0, realtime_priority=priority)
     loop.start()
@@ -142,10 +142,9 @@ def measured_chain(seconds: float, *, align: bool, together: bool) -> list[float
         Chain([ELBOW], bus, {**private_domain(), **CACHED}) as chain,
     ):
         settings: dict[str, bool | int | float | str] = {
-            "activate_on_start": True, "plausibility": False, "rate": RATE, "align": align,
-            **REALTIME["driver"],
+            **node_settings(RATE)["driver"], "plausibility": False, "align": align,
         }  # fmt: skip
-        controller = {"loop.align": align, **REALTIME["controller"]}
+        controller = {**node_settings(RATE)["controller"], "loop.align": align}
         if together:
             driver = chain.start_robot({"driver": settings, "controller": controller})
         else:

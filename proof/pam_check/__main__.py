@@ -20,6 +20,7 @@ from pam_check.commands import (
     faults,
     fleet,
     fuzz,
+    pages,
     states,
 )
 from pam_model.command_line import Tool
@@ -33,6 +34,7 @@ COMMANDS = (
     *blind.COMMANDS,
     *calibration.COMMANDS,
     *fleet.COMMANDS,
+    *pages.COMMANDS,
 )
 
 

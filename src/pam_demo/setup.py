@@ -13,7 +13,7 @@ setup(
     name=NAME,
     version=VERSION,
     packages=find_packages(),
-    package_data={"": ["py.typed", "data/*", "*.j2"]},
+    package_data={"": ["py.typed", "data/*"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml", "CHANGELOG.rst", "LICENSE"]),

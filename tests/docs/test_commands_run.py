@@ -25,7 +25,7 @@ NOT_RUN = {
     r"make |.*pam model compare |.*pytest |.*benchmarks/|.*pam demo ": "takes minutes",
     r".*pam check (blind|sensitivity) ": "takes hours",
     r".*pam check (rough-rig|trained-policy)": "takes minutes; tests/pam_check runs its parts",
-    r".*pam check calibrate-statement ": "needs a finished campaign; tests/pam_check has one",
+    r".*pam check (calibrate-statement|decide-again) ": "needs a campaign; tests/pam_check has one",
     r".*examples/": "tests/examples runs it",
     r".*pam bringup ": "needs a display; tests/pam_bringup",
     r".*pam gap (calibrate|diagnose|fleet|import|compare) ": "needs recordings; in tests/pam_gap",

@@ -88,11 +88,14 @@ def test_what_does_not_track_has_to_say_why() -> None:
     good = Result(0, "", "", 200.0, 60.0, 0.7, 0.4, False, 1.2e-3, 5e-3, 1e-3)
     silent = replace(good, after=2e-3)
     ended = replace(good, ended="the valve is stuck", after=math.nan)
-    swapped = replace(ended, exchanged="hoses")
-    missed = replace(swapped, ended="", after=1e-3)
+    warned = replace(silent, warned="worse than its numbers predict")
+    swapped = replace(ended, exchanged="hoses", was_told=True)
+    mended = replace(good, exchanged="hoses", was_told=True)
+    missed = replace(good, exchanged="hoses")
     fast = replace(good, speed=1.1)
-    found = score([good, silent, ended, swapped, missed, fast])
-    assert (found["track"], found["without_exchange"]) == (2, 4)
-    assert (found["told"], found["silent"]) == (1, 1)
-    assert (found["exchanged_told"], found["exchanged"]) == (1, 2)
-    assert found["within_limits"] == 5
+    found = score([good, silent, ended, warned, swapped, mended, missed, fast])
+    assert found["track"] == 4
+    assert (found["told"], found["silent"], found["warned"]) == (3, 1, 0)
+    assert (found["exchanged_told"], found["exchanged"]) == (2, 3)
+    assert found["exchanged_track"] == 2
+    assert found["within_limits"] == 7

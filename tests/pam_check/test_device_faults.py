@@ -6,14 +6,14 @@ from pathlib import Path
 
 import pytest
 
+from pam_check.fault_kinds.device_kinds import DEVICE_KINDS, FOR_ALL_BOARDS
+from pam_check.fault_kinds.kinds import KINDS
 from pam_check.faults.campaign import in_a_fork, make_chain
 from pam_check.faults.chain import FaultChain
 from pam_check.faults.chosen_kinds import kinds_for
 from pam_check.faults.trial import Trial, run_trial
 from pam_model.rig import load_rig
 from pam_sim.device_fault_injection import INJECTIONS
-from pam_sim.faults.device_kinds import DEVICE_KINDS, FOR_ALL_BOARDS
-from pam_sim.faults.kinds import KINDS
 from support.canopen_device import ELBOW_CANOPEN
 from support.fault_kinds import kind_called
 from support.rigs import CONFIG

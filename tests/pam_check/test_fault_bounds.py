@@ -7,14 +7,14 @@ import math
 
 import pytest
 
+from pam_check.fault_kinds.fault_kind import LOWERING
+from pam_check.fault_kinds.kinds import KINDS
 from pam_check.faults.campaign import in_a_fork
 from pam_check.faults.rig_bounds import EMPTY, bounds_of
 from pam_check.faults.trial import Trial, problem_of, run_trial, speed_bound
 from pam_check.faults.unavoidable_speed import RECOGNISED, burst_speed, stuck_valve_speed
 from pam_model.identify.size import size_joint, sized_rig
 from pam_model.rig import load_rig
-from pam_sim.faults.fault_kind import LOWERING
-from pam_sim.faults.kinds import KINDS
 from support.fault_kinds import kind_called
 
 

@@ -11,6 +11,8 @@ from pathlib import Path
 import pytest
 
 from pam_check.__main__ import main
+from pam_check.fault_kinds.fault_kind import STOPS, Reaction, Stays
+from pam_check.fault_kinds.kinds import ALL_KINDS, KINDS, write_into
 from pam_check.faults.campaign import in_a_fork
 from pam_check.faults.injections import INJECTIONS
 from pam_check.faults.process_campaign import KEPT, REPEAT, Observation, judge, time_outs
@@ -25,9 +27,7 @@ from pam_sim.boards.pam_board_twin import SimulatedPamBoard
 from pam_sim.boards.protocol import BoardValve
 from pam_sim.fault_injection import parse_injection
 from pam_sim.faults import rig_faults
-from pam_sim.faults.fault_kind import STOPS, Reaction, Stays
 from pam_sim.faults.frame_faults import FrameFault, FrameFaults
-from pam_sim.faults.kinds import ALL_KINDS, KINDS, write_into
 from pam_sim.faults.rig_faults import POSITION, RigFaults
 from support.fault_kinds import kind_called
 from support.rigs import ELBOW

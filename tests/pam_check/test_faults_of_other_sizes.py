@@ -94,12 +94,16 @@ def test_the_sizes_of_faults_follow_the_valve_the_pressure_and_the_torque(rig, s
     for name in ("muscle_burst", "muscle_leak", "pressure_noisy", "brake_engages_in_motion"):
         kind = kind_called(name)
         for parameter, (low, high) in kind.parameters.items():
-            assert ranges_on(kind, rig)[parameter] == pytest.approx((low, high), rel=1e-3)
+            found = ranges_on(name, kind.parameters, rig)[parameter]
+            assert found == pytest.approx((low, high), rel=1e-3)
     valve = sized.muscles[0].valve.sonic_conductance
-    assert ranges_on(kind_called("muscle_burst"), sized)["conductance"][0] == pytest.approx(valve)
-    shown = ranges_on(kind_called("pressure_too_high"), sized)["shown"][0]
-    assert shown > sized.muscles[0].max_pressure
-    assert ranges_on(kind_called("supply_sags"), sized) == kind_called("supply_sags").parameters
+    burst, high, sags = (
+        ranges_on(name, kind_called(name).parameters, sized)
+        for name in ("muscle_burst", "pressure_too_high", "supply_sags")
+    )
+    assert burst["conductance"][0] == pytest.approx(valve)
+    assert high["shown"][0] > sized.muscles[0].max_pressure
+    assert sags == kind_called("supply_sags").parameters
 
 
 def test_a_valve_that_nothing_shuts_may_fill_its_muscle_up_to_the_supply(rig):

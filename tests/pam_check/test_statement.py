@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from pam_check.blind.sensitivity import Campaign
 from pam_check.blind.statement import STATEMENT
 from pam_gap.inference.evidence import Evidence
 from pam_gap.inference.score import Score
+from pam_model.effects import EFFECTS
 
 CHANNELS, BLOCKS = 3, 12
 
@@ -90,10 +92,78 @@ def test_the_likelihood_is_a_density_of_the_mean_squares() -> None:
 
     def mass(background: float) -> float:
         left, none = grid[:, None], np.zeros((grid.size, 1))
-        values = log_likelihood(left, none[0], np.array([background]), none, sharp)
+        spread = np.array([background])
+        values = log_likelihood(left, none[0], spread, none, np.ones(grid.size, dtype=bool), sharp)
         return float(np.log(np.trapezoid(np.exp(values) * grid ** (worth / 2.0 - 1.0), grid)))
 
     assert mass(1.0) == pytest.approx(mass(20.0), abs=1e-3)
+
+
+def test_a_law_with_several_forms_may_leave_more_than_one_with_a_single_form() -> None:
+    left, noise = np.full((2, CHANNELS), 400.0), np.ones(CHANNELS)
+    change, is_sharp = np.full((2, CHANNELS), 2500.0), np.array([False, True])
+    several, single = log_likelihood(left, noise, noise, change, is_sharp, STATEMENT)
+    assert several > single + 1.0
+
+
+def test_a_free_number_has_its_price() -> None:
+    """Of two causes that leave the same, the one with fewer free numbers is more probable."""
+    few, many = score(("creep",), 1.0), score(("leakage",), 1.0)
+    found = posterior(evidence(9.0, few, replace(many, free_numbers=4)), STATEMENT)
+    assert np.log(found["creep"] / found["leakage"]) == pytest.approx(3 * STATEMENT.number_price)
+
+
+@pytest.mark.parametrize("spread", [0.2, 2.0])
+def test_probabilities_are_right_on_rigs_drawn_from_the_statement(spread: float) -> None:
+    """Simulation-based calibration: of all answers with a probability, that share is right.
+
+    The errors of a rig are vectors: those of noise and background, and the change that its cause
+    makes; a hypothesis subtracts the change of its own cause. A cause outside the table has errors
+    of its own size in every channel.
+    """
+    worth, laws = 4, 3
+    said = replace(
+        STATEMENT, background_spread=spread, independent_errors=float(worth), number_price=0.0,
+        sharp_law_error=1e-9, law_error=1e-9,
+    )  # fmt: skip
+    random = np.random.default_rng(47)
+    noise, background = np.full(CHANNELS, 0.1), np.array([1.0, 4.0, 0.5])
+    names = ["creep", "hysteresis", "leakage"]
+    weights = np.array([said.nothing, *[said.one / len(EFFECTS)] * laws, said.outside])
+    stated, right = [], []
+    for _ in range(800):
+        truth = int(random.choice(laws + 2, p=weights / weights.sum()))
+        # of a common size, about which each channel scatters
+        variance = noise + background * np.exp(spread * random.standard_normal())
+        if truth == laws + 1:
+            ends = np.log([said.least_unknown, said.largest_unknown])
+            sizes = np.exp(random.uniform(*ends, CHANNELS))
+            variance = variance + sizes**2 * (noise + background)
+        freedom = said.channel_freedom
+        variance = variance * freedom / random.chisquare(freedom, CHANNELS)
+        errors = np.sqrt(variance) * random.standard_normal((worth, CHANNELS))
+        changes = 3.0 * np.sqrt(background) * random.standard_normal((laws, worth, CHANNELS))
+        if 0 < truth <= laws:
+            errors = errors + changes[truth - 1]
+        left = [errors, *(errors - change for change in changes)]
+        none, *tried = [
+            Score((), "", 0, np.sum(one**2, axis=0)[None], np.full((1, CHANNELS), float(worth)))
+            for one in left
+        ]
+        kept = replace(
+            evidence(1.0), floor=noise, background=background, nominal=none,
+            tried=tuple(replace(s, effects=(n,)) for n, s in zip(names, tried, strict=True)),
+        )  # fmt: skip
+        found = posterior(kept, said)
+        for place, name in enumerate(("none", *names, "unknown")):
+            stated.append(found[name])
+            right.append(place == truth)
+    told, were = np.array(stated), np.array(right, dtype=float)
+    for low, high in pairwise((0.0, 0.02, 0.1, 0.3, 0.5, 0.7, 0.9, 1.01)):
+        inside = (told >= low) & (told < high)
+        mean, share = told[inside].mean(), were[inside].mean()
+        scatter = np.sqrt(max(mean * (1.0 - mean), 1e-4) / inside.sum())
+        assert abs(share - mean) < 4.0 * scatter + 0.005, (low, mean, share)
 
 
 def test_silence_is_chosen_where_naming_is_too_dear() -> None:

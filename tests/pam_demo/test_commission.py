@@ -17,10 +17,11 @@ import yaml
 import pam_demo.commission.sequence as sequence_module
 from pam_demo.__main__ import main
 from pam_demo.commission.commission import run, to_document, write_results
+from pam_demo.commission.commissioned import Commissioned
 from pam_demo.commission.kept import Kept
 from pam_demo.commission.lower_priority import NICENESS, at_lower_priority
 from pam_demo.commission.page import render
-from pam_demo.commission.sequence import Commissioned, Commissioning, EndedError
+from pam_demo.commission.sequence import Commissioning, EndedError
 from pam_demo.commission.tracking import reaches
 from pam_gap.calibration.calibration import Calibration
 from pam_gap.calibration.free_numbers import Said

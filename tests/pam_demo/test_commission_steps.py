@@ -448,7 +448,7 @@ def test_the_check_repeats_a_pulse_in_which_measurements_were_missing(
     missing = range(begin, begin + 40)
     assert start_up_check(InterruptedPort(elbow, "", missing), elbow) == ()
     (found, *_) = start_up_check(InterruptedPort(elbow, "hoses", missing), elbow)
-    assert "crossed" in found or "exchanged" in found
+    assert "crossed" in found.text or "exchanged" in found.text
 
 
 def test_measurements_that_stay_away_are_the_reason(elbow: Rig) -> None:
@@ -456,7 +456,7 @@ def test_measurements_that_stay_away_are_the_reason(elbow: Rig) -> None:
         text = touch(InterruptedPort(elbow, "", range(begin, 10**6)), elbow)
         assert text == "A pressure or the angle is missing or too old."
         (found,) = start_up_check(InterruptedPort(elbow, "", range(begin, 10**6)), elbow)
-        assert found == "a pressure or the angle is missing or too old"
+        assert found.text == "a pressure or the angle is missing or too old"
 
 
 def test_a_driver_that_takes_no_commands_is_the_reason(elbow: Rig) -> None:
@@ -465,7 +465,7 @@ def test_a_driver_that_takes_no_commands_is_the_reason(elbow: Rig) -> None:
     for begin in (1, 150):
         assert why[1:] in touch(InterruptedPort(elbow, "", range(begin, 10**6), why), elbow)
         (found,) = start_up_check(InterruptedPort(elbow, "", range(begin, 10**6), why), elbow)
-        assert found == why
+        assert found.text == why
     inactive = InterruptedPort(elbow, "", range(1, 10**6), why)
     assert "clear its faults and activate it" in touch(inactive, elbow)
     scale, limits = scale_of(elbow, PERIOD), Limits.of(elbow)

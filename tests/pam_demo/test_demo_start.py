@@ -43,6 +43,7 @@ class LoggedChain:
     def __init__(self) -> None:
         self.log: list[str] = []
         self.processes: dict[str, Any] = {}
+        self.params_files = [Path("rig.yaml")]
         self.environment: dict[str, str] = {}
 
     def start(self, name: str, parameters: Any = None) -> Any:

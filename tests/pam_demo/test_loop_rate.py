@@ -26,6 +26,7 @@ class LoggedChain:
     """Notes with which parameters the nodes are started, and starts nothing."""
 
     def __init__(self) -> None:
+        self.params_files = [Path("rig.yaml")]
         self.environment: dict[str, str] = {}
         self.started: list[tuple[str, dict[str, Any]]] = []
         self.processes: dict[str, Any] = {}

@@ -10,7 +10,9 @@ import pytest
 from sensor_msgs.msg import JointState
 
 from pam_demo.processes import NodeProcess
+from pam_demo.programs import RECORDER, recorder_words
 from pam_gap.recordings.import_recording import import_recording
+from support.rigs import ELBOW
 
 SEVERAL_CHUNKS = 3  # one is written each second
 AT_ONCE = 5  # at most what the queue holds
@@ -21,10 +23,9 @@ def test_a_killed_recorder_leaves_a_readable_bag(probe, ros_environment, tmp_pat
     bag = tmp_path / "bag"
     sent: list[JointState] = []
     sizes: set[int] = set()
-    arguments = ["--out", str(bag)]
     publisher = probe.node.create_publisher(JointState, "joint_states", 10)
     recorder = NodeProcess(
-        "pam_demo.recorder_node", environment=ros_environment, arguments=arguments
+        RECORDER, environment=ros_environment, arguments=recorder_words(ELBOW, bag)
     )
     try:
         probe.wait_for("the recorder", publisher.get_subscription_count, 30.0)

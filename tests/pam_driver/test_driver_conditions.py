@@ -6,6 +6,8 @@ import math
 from dataclasses import replace
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from pam_driver.boards.pam_board.codec import (
     BoardCodec,
@@ -254,3 +256,31 @@ def test_a_restart_while_vented_is_acknowledged_by_activation(bench: ExactBench)
     bench.driver.activate(bench.now)
     bench.step(8, GOOD)
     assert bench.driver.state is SafetyState.ACTIVE
+
+
+TICKS = st.lists(
+    st.tuples(
+        st.sampled_from([0.0, 1e5, 5.9e5, 6.2e5, 6.9e5, math.nan]),
+        st.sampled_from([-1.3, -1.04, 0.0, 1.04, 1.3, math.nan]),
+        st.sampled_from([1, 1, 5, 40]),
+        st.booleans(),
+    ),
+    min_size=1,
+    max_size=12,
+)
+
+
+@given(ticks=TICKS)
+def test_the_quick_look_at_the_sensors_misses_nothing(
+    rig: Rig, codec: BoardCodec, ticks: list[tuple[float, float, int, bool]]
+) -> None:
+    """What a cycle passes over at a glance has no condition when it is asked channel by channel."""
+    bench = ExactBench(rig, codec)
+    bench.start()
+    judge = bench.driver._judge
+    for pressure, position, count, silent in ticks:
+        bench.pressures, bench.position = (pressure, 1e5), position
+        for _ in range(count):
+            bench.step(1, GOOD, silent)
+            if judge._sensors_are_well(bench.now):
+                assert not list(judge._sensor_conditions(bench.now))

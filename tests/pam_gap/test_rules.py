@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 import pam_gap
-from pam_gap.__main__ import main
+from pam_check.__main__ import main
+from pam_check.doc_pages.constants_page import PAGE
 from pam_gap.inference.candidates import transport_time
 from pam_gap.prediction.problem import PredictionProblem
 from pam_gap.recordings.noise_floor import channel_noise
 from pam_gap.rules import DEFAULT, changed, table
-from pam_gap.rules.page import PAGE
 from pam_gap.rules.rule import DECISION, DIAGNOSIS, PROPOSAL
 from pam_model.errors import PamError
 from pam_model.rig import Rig
@@ -158,7 +158,7 @@ def test_changed_constants_reach_the_code(rig: Rig, record: Maker) -> None:
 
 
 def test_the_page_of_constants_is_current(tmp_path: Path) -> None:
-    """Write it again with `pam gap rules`."""
+    """Write it again with `pam check rules`."""
     assert main(["rules", "--out", str(tmp_path)]) == 0
     written = (tmp_path / PAGE).read_text()
     assert written == (Path(__file__).parents[2] / "docs" / PAGE).read_text()

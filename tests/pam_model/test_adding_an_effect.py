@@ -103,7 +103,7 @@ EFFECT = Effect(
 REPORT = """
 import json, sys
 import numpy as np
-from pam_gap.answer.effect_pages import page_text
+from pam_check.doc_pages.effects_page import page_text
 from pam_gap.inference.candidates import candidates_for
 from pam_model.effect_tables import table
 from pam_model.plant.parameters import NAMES, PlantParameters

@@ -7,7 +7,7 @@ from shutil import copy
 
 import pytest
 
-from pam_gap.answer.effect_pages import page_text
+from pam_check.doc_pages.effects_page import page_text
 from pam_model.__main__ import main
 from pam_model.effect_tables import PAGES, table, with_tables, write_tables
 from pam_model.effects import EFFECTS
@@ -24,7 +24,7 @@ def test_a_page_is_up_to_date(name: str) -> None:
 
 def test_the_page_of_effects_is_up_to_date() -> None:
     page = (DOCS / "effects.md").read_text(encoding="utf-8")
-    assert page == page_text(), "run `pam gap effects`"
+    assert page == page_text(), "run `pam check effects`"
 
 
 def test_every_effect_stands_in_one_table_of_keys() -> None:

@@ -15,7 +15,6 @@ STARTS = {
     "model": ("pam_model.model_node", "--ros-args", "--params-file", ELBOW),
     "driver": ("pam_driver.driver_node", "--ros-args", "--params-file", ELBOW),
     "record": ("pam_gap", "record", "--rig", ELBOW, "--out", "bag"),
-    "the demo's recorder": ("pam_demo.recorder_node", "--out", "bag"),
 }
 
 

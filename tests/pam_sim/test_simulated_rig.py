@@ -257,7 +257,7 @@ def test_program_serves_a_bus_and_ends_on_a_signal(number):
         (["--rig", "/nowhere/rig.yaml"], "/nowhere/rig.yaml"),
         (["--rig", str(ELBOW), "--effect", "coulomb_friction.torque"], "--effect"),
         (["--rig", str(ELBOW), "--effect", "wind.force=3"], "unknown effect 'wind'"),
-        (["--rig", str(ELBOW), "--rate", "1e6"], "rate = 1e+06 Hz"),
+        (["--rig", str(ELBOW), "--rate", "1e6"], "--rate"),
         (["--rig", str(ELBOW), "--pressure-noise", "-3"], "--pressure-noise"),
         (["--rig", str(ELBOW), "--interface", "socketcan", "--channel", "can77"], "can77"),
         (["--rig", str(ELBOW), "--interface", "pigeon"], "pigeon"),

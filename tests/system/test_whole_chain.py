@@ -171,13 +171,11 @@ LISTED = {
 @pytest.mark.rerun_because(HOST_STALLS)
 def test_a_recording_opens_with_a_public_reader(suite, tmp_path: Path):
     from pam_demo.processes import NodeProcess
+    from pam_demo.programs import RECORDER, recorder_words
 
     bag = tmp_path / "bag"
-    recorder = NodeProcess(
-        "pam_demo.recorder_node",
-        environment=suite.chain.environment,
-        arguments=["--out", str(bag)],
-    )
+    words = recorder_words(suite.chain.params_files[0], bag)
+    recorder = NodeProcess(RECORDER, environment=suite.chain.environment, arguments=words)
     with recorder:
         recorder.wait_for_output("recording", 30.0)
         suite.wait("the recorder subscribed", lambda: subscribed(suite), 30.0)

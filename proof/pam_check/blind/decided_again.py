@@ -77,7 +77,8 @@ def side_by_side(
     scores = [score(labels, answers) for answers in (rules, belief)]
     counts = {
         name: {"rules": entry["hits"], "belief": scores[1]["shares"][name]["hits"],
-               "of": entry["of"], "interval": entry["interval"]}
+               "of": entry["of"], "interval": entry["interval"],
+               "interval_of_belief": scores[1]["shares"][name]["interval"]}
         for name, entry in scores[0]["shares"].items()
         if entry["of"] and name not in NEED_FITS
     }  # fmt: skip
@@ -89,8 +90,15 @@ def side_by_side(
         ]
         for key in ("reliability", "reliability_of_causes")
     }  # fmt: skip
+    differ = [
+        {"case": case, "hidden": list(label["effects"]), "rules": _told(rules[case]),
+         "belief": _told(belief[case])}
+        for label in labels
+        if _told(rules[case := str(label["case"])]) != _told(belief[case])
+    ]  # fmt: skip
     return {
         "counts": counts,
+        "differ": differ,
         "surprise": {
             name: surprise(labels, answers)
             for name, answers in (("rules", rules), ("belief", belief))
@@ -116,9 +124,18 @@ def run(given: Arguments) -> Outcome:
             print(f"{name:28s} {entry['before']} -> {entry['after']} of {entry['of']}")
     print(f"{len(result['changed'])} answers change")
     both = result["rules_and_belief"]
-    print(f"{'':32s} rules  belief  of")
+    for entry in both["differ"]:
+        hidden = " + ".join(entry["hidden"]) or "nothing"
+        print(f"{entry['case']}: {hidden} hidden; rules {entry['rules']}; belief {entry['belief']}")
+    print(f"{'':28s} {'rules, 90 % interval':>24s} {'belief, 90 % interval':>24s}   of")
     for name, entry in both["counts"].items():
-        print(f"{name:32s} {entry['rules']:5d}  {entry['belief']:6d}  {entry['of']:2d}")
+        cells = [
+            f"{entry[who]} ({low:.0%} to {high:.0%})"
+            for who, (low, high) in (
+                ("rules", entry["interval"]), ("belief", entry["interval_of_belief"])
+            )
+        ]  # fmt: skip
+        print(f"{name:28s} {cells[0]:>24s} {cells[1]:>24s} {entry['of']:4d}")
     for key in ("reliability", "reliability_of_causes"):
         for row in both[key]:
             told = [f"{right}/{of}" for right, of in (row["rules"], row["belief"])]

@@ -30,16 +30,44 @@ from pam_gap.prediction.locate import worst_stage
 from pam_gap.rules import DEFAULT
 from pam_model.effects import EFFECTS
 
-_NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(9)
-_SHARES = np.outer(_WEIGHTS, _WEIGHTS) / _WEIGHTS.sum() ** 2
+SHARP = frozenset(name for name, effect in EFFECTS.items() if effect.search.is_sharp)
+_SIZES = np.linspace(-3.0, 3.0, 17)
+"""Sizes of a background, in standard deviations of its logarithm; close enough for any spread."""
+_SIZE_WEIGHTS = np.exp(-0.5 * _SIZES**2) / np.exp(-0.5 * _SIZES**2).sum()
+_LAWS, _LAW_WEIGHTS = np.polynomial.hermite_e.hermegauss(7)
+_SHARES = np.outer(_SIZE_WEIGHTS, _LAW_WEIGHTS / _LAW_WEIGHTS.sum())
+UNKNOWN_SIZES = 25
+"""Sizes of a cause outside the table over which is summed."""
 DIVERGED = 1e12
 """Mean square in place of one that is not finite."""
-MOST_ALTERNATIVES = 6
+CONSIDERED = 6
 """Sets of causes of which an answer is made, the most probable ones."""
+MOST_ALTERNATIVES = 4
+"""Sets of causes of which an answer may say that one of them holds."""
+
+
+def _log_density(left: Array, variance: Array, statement: Statement) -> Array:
+    """Log density of each channel's errors, whose variance scatters about one that is given."""
+    free, worth = statement.channel_freedom, statement.independent_errors
+    density: Array = 0.5 * free * np.log(free * variance)
+    density -= 0.5 * (free + worth) * np.log(free * variance + worth * left)
+    return density
+
+
+def _backgrounds(noise: Array, background: Array, statement: Statement) -> Array:
+    """Mean squares of noise and background for each size of it, shape (sizes, channels)."""
+    sizes = np.exp(statement.background_spread * _SIZES)[:, None]
+    found: Array = noise + sizes * background
+    return found
 
 
 def log_likelihood(
-    left: Array, noise: Array, background: Array, change: Array, statement: Statement
+    left: Array,
+    noise: Array,
+    background: Array,
+    change: Array,
+    is_sharp: np.ndarray,
+    statement: Statement,
 ) -> Array:
     """Log density of the errors that hypotheses leave, up to a constant, shape (hypotheses,).
 
@@ -49,17 +77,37 @@ def log_likelihood(
         Mean squares that each leaves, and of the change that its causes make.
     noise, background : ndarray, shape (channels,)
         Mean squares of the noise and of what an ordinary background leaves.
+    is_sharp : ndarray of bool, shape (hypotheses,)
+        Whether the laws of all causes of a hypothesis have one form only.
     statement : Statement
         The statement.
     """
-    free, worth = statement.channel_freedom, statement.independent_errors
-    scale = np.exp(statement.background_spread * _NODES)[:, None, None]
-    law = (statement.law_error * np.exp(statement.law_spread * _NODES[:, None])) ** 2
-    variance = noise + scale * background + law * change[:, None, None]
-    density = 0.5 * free * np.log(free * variance)
-    density -= 0.5 * (free + worth) * np.log(free * variance + worth * left[:, None, None])
-    found: Array = logsumexp(density.sum(axis=-1), axis=(1, 2), b=_SHARES)
+    usual = _backgrounds(noise, background, statement)[:, None, None, :]
+    error = np.where(is_sharp, statement.sharp_law_error, statement.law_error)
+    law = (error * np.exp(statement.law_spread * _LAWS[:, None])) ** 2
+    variance = usual + law[..., None] * change
+    density = _log_density(left, variance, statement).sum(axis=-1)
+    found: Array = logsumexp(density, axis=(0, 1), b=_SHARES[:, :, None])
     return found
+
+
+def log_likelihood_of_unknown(
+    without: Array, noise: Array, background: Array, statement: Statement
+) -> float:
+    """Log density of the errors without any cause, up to the same constant, if one is outside.
+
+    Parameters
+    ----------
+    without : ndarray, shape (channels,)
+        Mean squares of these errors.
+    noise, background, statement
+        As for `log_likelihood`.
+    """
+    usual = _backgrounds(noise, background, statement)[:, None, :]
+    sizes = np.geomspace(statement.least_unknown, statement.largest_unknown, UNKNOWN_SIZES)
+    variance = usual + sizes[:, None] ** 2 * (noise + background)
+    density = logsumexp(_log_density(without, variance, statement), axis=1) - log(sizes.size)
+    return float(logsumexp(density.sum(axis=-1), b=_SIZE_WEIGHTS))
 
 
 def posterior(evidence: Evidence[Score], statement: Statement) -> dict[str, float]:
@@ -89,15 +137,15 @@ def posterior(evidence: Evidence[Score], statement: Statement) -> dict[str, floa
     over = np.log(np.maximum(left / (noise + background), 1.0)).sum(axis=1)
     usual = [k for k, score in enumerate(scores) if not score.causes and not score.unlisted]
     without = left[min(usual, key=over.__getitem__)]
-    # The last row is a law of unknown form, which leaves an ordinary background.
-    left = np.vstack([left, noise + background])
     change = np.maximum(without - left, 0.0)
-    change[-1] = 0.0
-    likelihood = log_likelihood(left, noise, background, change, statement).tolist()
-    found = {UNKNOWN: likelihood[-1] + log(statement.outside) - statement.unknown_law * noise.size}
-    for score, value in zip(scores, likelihood[:-1], strict=True):
+    is_sharp = np.array([SHARP.issuperset(one.causes) and not one.unlisted for one in scores])
+    price = statement.number_price * np.array([score.free_numbers for score in scores])
+    likelihood = log_likelihood(left, noise, background, change, is_sharp, statement) - price
+    outside = log(statement.outside)
+    found = {UNKNOWN: outside + log_likelihood_of_unknown(without, noise, background, statement)}
+    for score, value in zip(scores, likelihood.tolist(), strict=True):
         if score.unlisted:
-            believed = value + log(statement.outside / len(evidence.unlisted))
+            believed = value + outside - log(len(evidence.unlisted))
             found[UNKNOWN] = float(np.logaddexp(found[UNKNOWN], believed))
         else:
             name = " + ".join(sorted(score.causes)) or NONE
@@ -144,11 +192,12 @@ def least_cost(probabilities: Mapping[str, float], statement: Statement) -> Choi
     statement : Statement
         Its costs.
     """
-    names = [name for name in probabilities if name not in (NONE, UNKNOWN)][:MOST_ALTERNATIVES]
+    names = [name for name in probabilities if name not in (NONE, UNKNOWN)][:CONSIDERED]
     sets = [frozenset(name.split(" + ")) for name in names]
     choices = [Choice(NONE), Choice(UNKNOWN)]
     choices += [Choice("named", (one,)) for one in sets]
-    choices += [Choice("ambiguous", two) for two in combinations(sets, 2)]
+    for count in range(2, MOST_ALTERNATIVES + 1):
+        choices += [Choice("ambiguous", few) for few in combinations(sets, count)]
     return min(
         choices,
         key=lambda one: sum(p * one.cost(truth, statement) for truth, p in probabilities.items()),
@@ -168,8 +217,8 @@ def believed_answer(evidence: Evidence[Score], statement: Statement) -> dict[str
     effects = list(dict.fromkeys(named))
     groups = []
     if len(choice.sets) > 1:
-        first, second = choice.sets
-        groups.append([e for e in effects if e in first ^ second])
+        certain = frozenset.intersection(*choice.sets)
+        groups.append([e for e in effects if e not in certain])
     stage: str | None = EFFECTS[effects[0]].stage if effects else None
     if choice.verdict == UNKNOWN:
         stage = worst_stage(evidence.stages, DEFAULT.prediction.stage_from)

@@ -30,13 +30,18 @@ class Statement:
         Number of independent errors that the recording of one channel is worth. What no law of the
         table describes is correlated over the whole recording, so that it is a handful and not the
         thousands of samples.
-    law_error, law_spread : float
-        RMS error of the laws of the causes, as a share of the RMS change that they make: its
-        median, and the standard deviation of its logarithm. Some laws are nearly exact (a delay),
-        others are one of several forms in the literature (a bladder).
-    unknown_law : float
-        Logarithm of the odds, per channel, against a smooth law of unknown form that explains the
-        channel down to an ordinary background.
+    number_price : float
+        What each free number of a hypothesis takes off its log likelihood. What is correlated over
+        the whole recording is fitted a little by every number, on held-out data as well.
+    sharp_law_error, law_error, law_spread : float
+        RMS error of the laws of the causes, as a share of the RMS change that they make: its median
+        for laws with one form only (a delay; `is_sharp` in the file of each effect) and for laws
+        with several forms in the literature (a bladder), and the standard deviation of the
+        logarithm of both.
+    least_unknown, largest_unknown : float
+        RMS change that a cause outside the table makes of each channel, in multiples of what an
+        ordinary background leaves: all sizes between these two are equally probable on a
+        logarithmic scale. Set by hand, from what hides in any background to a whole motion.
     false_name, silence, further_name : float
         Cost of naming what is not there, of not naming what is, and of each further alternative of
         an ambiguous answer.
@@ -47,12 +52,15 @@ class Statement:
     two: float = 0.12
     three: float = 0.03
     outside: float = 0.15
-    background_spread: float = 0.74
-    channel_freedom: float = 1.5
-    independent_errors: float = 2.9
-    law_error: float = 0.15
-    law_spread: float = 0.76
-    unknown_law: float = 7.6
+    background_spread: float = 1.0
+    channel_freedom: float = 14.0
+    independent_errors: float = 6.6
+    number_price: float = 0.69
+    sharp_law_error: float = 0.2
+    law_error: float = 0.41
+    law_spread: float = 0.24
+    least_unknown: float = 0.2
+    largest_unknown: float = 300.0
     false_name: float = 1.0
     silence: float = 1.0
     further_name: float = 0.1
@@ -62,7 +70,7 @@ STATEMENT = Statement()
 """The statement in use; calibrated on 48 rigs of `blind --background --seed 47001` and the first 5
 of `blind --seed 47002`, with the rules of commit 0f9388c0."""
 CALIBRATED = (
-    "background_spread", "channel_freedom", "independent_errors", "law_error", "law_spread",
-    "unknown_law",
+    "background_spread", "channel_freedom", "independent_errors", "number_price",
+    "sharp_law_error", "law_error", "law_spread",
 )  # fmt: skip
 """Numbers that `pam check calibrate-statement` finds from drawn rigs."""

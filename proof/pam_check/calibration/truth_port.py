@@ -63,6 +63,10 @@ class TruthPort:
         """True pressures [Pa] and position [rad], shape (n, 3)."""
         return self._plant.truth[self._first : self._plant.samples]
 
+    def mend(self) -> None:
+        """Put right what is exchanged."""
+        self._exchanged = ""
+
     def advance(self, commands: Sequence[float]) -> JointReading:
         """As of every `RobotPort`."""
         first, second = commands

@@ -14,6 +14,7 @@ import signal
 import statistics
 import time
 
+from pam_check.fault_kinds.fault_kind import WATCHDOG
 from pam_demo.chain import BusChoice, multicast_bus
 from pam_driver.can_bus.bus import open_bus
 from pam_driver.driver import ActivationError, Driver
@@ -26,7 +27,6 @@ from pam_model.command_line import Arguments, Outcome, chosen_rig, progress
 from pam_model.errors import PamError
 from pam_model.rig import Rig, load_rig
 from pam_ros.valve_command import FLOW, ValveCommandFormat
-from pam_sim.faults.fault_kind import WATCHDOG
 from pam_sim.simulated_rig import SimulatedRig
 
 ALLOWED = 0.010  # s, on top of the watchdog's period

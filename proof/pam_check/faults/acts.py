@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from pam_check.fault_kinds.fault_kind import VENT
 from pam_check.faults.chain import STEP, FaultChain
 from pam_check.faults.rig_bounds import EMPTY
 from pam_driver.start_up import StartUp
 from pam_model.errors import PamError
-from pam_sim.faults.fault_kind import VENT
 
 GLIDE = 0.8  # rad/s, mean speed on the way to an angle
 EMPTYING = 6.0  # s; until then the joint is lowered, hangs, and the muscles are empty

@@ -16,6 +16,8 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 
+from pam_check.fault_kinds.fault_kind import FaultKind
+from pam_check.fault_kinds.kinds import ALL_KINDS, KINDS
 from pam_check.faults.chain import FaultChain
 from pam_check.faults.chosen_kinds import kinds_called, kinds_for
 from pam_check.faults.report import as_markdown, write_report
@@ -28,8 +30,6 @@ from pam_model.command_line import Arguments, Outcome, chosen_rig, progress
 from pam_model.errors import PamError
 from pam_model.rig import Rig, load_rig
 from pam_robot.direct_link import COMMAND_DELAY as ONE_PROCESS_DELAY
-from pam_sim.faults.fault_kind import FaultKind
-from pam_sim.faults.kinds import ALL_KINDS, KINDS
 
 TRIALS = 1000  # by default, and at least one of each kind
 LONGEST_PHASE = 0.4  # s, between two trials; the motion's period is 1.7 s

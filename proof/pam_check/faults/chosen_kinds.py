@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from difflib import get_close_matches
 
+from pam_check.fault_kinds.device_kinds import FOR_ALL_BOARDS
+from pam_check.fault_kinds.fault_kind import FaultKind
+from pam_check.fault_kinds.kinds import ALL_KINDS, KINDS
 from pam_driver.boards.register import DEFAULT_KIND
 from pam_model.errors import PamError
-from pam_sim.faults.device_kinds import FOR_ALL_BOARDS
-from pam_sim.faults.fault_kind import FaultKind
-from pam_sim.faults.kinds import ALL_KINDS, KINDS
 
 
 def kinds_for(boards: Collection[str]) -> list[FaultKind]:

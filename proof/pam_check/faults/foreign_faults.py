@@ -7,9 +7,9 @@ import random
 from collections import deque
 from collections.abc import Callable, Mapping
 
+from pam_check.fault_kinds.host_and_command_kinds import TURNS
 from pam_check.faults.chain import FaultChain
 from pam_driver.snapshot import Snapshot
-from pam_sim.faults.host_and_command_kinds import TURNS
 
 Values = Mapping[str, float]
 STEP = 0.1  # rad; at the greatest speed of the motion, the joint goes 0.03 rad

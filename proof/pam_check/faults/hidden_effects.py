@@ -9,10 +9,10 @@ from __future__ import annotations
 import random
 from collections.abc import Callable, Mapping
 
+from pam_check.fault_kinds.fault_kind import COMMANDS_STOP
 from pam_check.faults.acts import claim_no_air
 from pam_check.faults.chain import FaultChain
 from pam_model.effects import EFFECTS
-from pam_sim.faults.fault_kind import COMMANDS_STOP
 
 Values = Mapping[str, float]
 Injection = Callable[[FaultChain, Values, random.Random], None]

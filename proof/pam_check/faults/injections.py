@@ -6,6 +6,7 @@ import random
 from collections.abc import Mapping
 from functools import partial
 
+from pam_check.fault_kinds.kinds import HELD
 from pam_check.faults import (
     foreign_faults,
     hidden_effects,
@@ -20,7 +21,6 @@ from pam_check.faults import (
 from pam_check.faults.chain import FaultChain
 from pam_check.faults.operator_faults import Injection, held
 from pam_sim import fault_injection
-from pam_sim.faults.kinds import HELD
 
 
 def _of_rig(name: str, chain: FaultChain, values: Mapping[str, float], draw: random.Random) -> None:
@@ -28,7 +28,7 @@ def _of_rig(name: str, chain: FaultChain, values: Mapping[str, float], draw: ran
 
 
 _PLAIN: Mapping[str, Injection] = {
-    **{name: partial(_of_rig, name) for name in fault_injection.INJECTIONS},
+    **{name: partial(_of_rig, name) for name in fault_injection.FAULTS},
     **host_faults.INJECTIONS,
     **time_faults.INJECTIONS,
     **reference_faults.INJECTIONS,

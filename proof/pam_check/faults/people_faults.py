@@ -10,12 +10,12 @@ import random
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
+from pam_check.fault_kinds.fault_kind import VENT
 from pam_check.faults.acts import claim_no_air, vent
 from pam_check.faults.chain import FaultChain
 from pam_driver.boards.pam_board.codec import SafetyInput
 from pam_driver.boards.protocol import EMERGENCY_STOP, ENABLING_SWITCH
 from pam_driver.safety.people_inputs import FULL_SPEED, PeopleInputs
-from pam_sim.faults.fault_kind import VENT
 
 Values = Mapping[str, float]
 Injection = Callable[[FaultChain, Values, random.Random], None]

@@ -21,6 +21,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Protocol
 
+from pam_check.fault_kinds.fault_kind import LOWERING, STOPS, FaultKind, Reaction
+from pam_check.fault_kinds.kinds import KINDS
 from pam_check.faults.chosen_kinds import kinds_called
 from pam_demo.chain import Chain, multicast_bus, private_domain
 from pam_driver.can_bus.bus import CanPort, open_bus
@@ -28,9 +30,7 @@ from pam_model.argument_types import make_parents
 from pam_model.command_line import Arguments, Outcome, chosen_rig
 from pam_model.errors import PamError
 from pam_model.rig import Rig, load_rig
-from pam_sim.fault_injection import INJECTIONS
-from pam_sim.faults.fault_kind import LOWERING, STOPS, FaultKind, Reaction
-from pam_sim.faults.kinds import KINDS
+from pam_sim.fault_injection import FAULTS
 
 HOST = 0.06  # s, for the injection, the period of the board's status and a busy host
 PATIENCE = 120.0  # s, until nodes have started (again) on a busy host
@@ -175,7 +175,7 @@ def _time_to_vented(kind: FaultKind) -> float:
 
 def _begin(chain: Chain, operator: Operator, kind: FaultKind) -> float:
     """Inject the fault and return the time."""
-    if kind.name in INJECTIONS:
+    if kind.name in FAULTS:
         return operator.inject(kind.name)
     if kind.name == "vent_called":
         begin = time.monotonic()
@@ -190,7 +190,7 @@ def _begin(chain: Chain, operator: Operator, kind: FaultKind) -> float:
 
 def _end(chain: Chain, kind: FaultKind) -> None:
     """Continue or restart the process that was stopped."""
-    if kind.name in INJECTIONS or kind.name == "vent_called":
+    if kind.name in FAULTS or kind.name == "vent_called":
         return
     name, what = _process_of(chain, kind)
     if what == "stopped":
@@ -302,7 +302,7 @@ def run(given: Arguments, open_operator: OpenOperator) -> Outcome:
     PamError
         If a kind is unknown, or not all kinds could be run; the finished kinds are written.
     """
-    possible = [kind for kind in KINDS if kind.name in {*INJECTIONS, *HOST_FAULTS}]
+    possible = [kind for kind in KINDS if kind.name in {*FAULTS, *HOST_FAULTS}]
     if given.one_process:
         possible = [kind for kind in possible if not kind.name.startswith("controller_")]
     kinds = kinds_called(given.kind, possible)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import random
 from collections.abc import Callable, Mapping
 
+from pam_check.fault_kinds.fault_kind import VENT
 from pam_check.faults.acts import (
     activate,
     clean_up_and_configure,
@@ -21,7 +22,6 @@ from pam_check.faults.chain import STEP, FaultChain
 from pam_check.faults.reference_faults import send_trajectory
 from pam_control.references.trajectory import TrajectoryPoint
 from pam_driver.safety.states import SafetyState
-from pam_sim.faults.fault_kind import VENT
 
 Values = Mapping[str, float]
 Injection = Callable[[FaultChain, Values, random.Random], None]

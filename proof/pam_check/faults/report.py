@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
+from pam_check.fault_kinds.fault_kind import STOPS, FaultKind, Reaction
 from pam_check.faults.trial import Trial
-from pam_sim.faults.fault_kind import STOPS, FaultKind, Reaction
 
 HEADINGS = (
     "fault", "layer", "trials", "noticed by", "reaction", "safe after, median [ms]",

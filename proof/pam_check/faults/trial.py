@@ -9,6 +9,8 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from pam_check.fault_kinds.fault_kind import LOWERING, STOPS, FaultKind, Reaction, Stays
+from pam_check.fault_kinds.operator_kinds import HELD_LAYER
 from pam_check.faults.chain import AMPLITUDE, STEP, TOP_SPEED, FaultChain
 from pam_check.faults.injections import INJECTIONS
 from pam_check.faults.rig_bounds import EMPTY, RigBounds, bounds_of
@@ -23,8 +25,6 @@ from pam_driver.safety.states import SafetyState
 from pam_model.rig import Rig
 from pam_model.robot import compose
 from pam_model.views.gravity import hanging_position
-from pam_sim.faults.fault_kind import LOWERING, STOPS, FaultKind, Reaction, Stays
-from pam_sim.faults.operator_kinds import HELD_LAYER
 from pam_sim.faults.size_of_faults import ranges_on
 
 AFTERWARDS = 0.3  # s, to check that the valves stay vented
@@ -104,7 +104,7 @@ def draw_values(kind: FaultKind, draw: random.Random, rig: Rig) -> dict[str, flo
     """Draw the parameters of an injection uniformly, and often at an end of the range."""
     return {
         name: draw.choice((low, high)) if draw.randrange(ENDS) == 0 else draw.uniform(low, high)
-        for name, (low, high) in ranges_on(kind, rig).items()
+        for name, (low, high) in ranges_on(kind.name, kind.parameters, rig).items()
     }
 
 

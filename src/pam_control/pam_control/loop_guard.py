@@ -215,15 +215,11 @@ class LoopGuard:
         self, time: float, joints: Sequence[JointTelemetry], means: Means
     ) -> GuardAction:
         """Tell small swings, and what has to be done against them."""
-        pairs = zip(self._reversals, joints, strict=True)
-        changes = sum(
-            reversals.update(joint.reference.velocity, joint.reference.acceleration)
-            for reversals, joint in pairs
-        )
-        rests = all(
-            joint.reference.velocity == 0.0 and joint.reference.acceleration == 0.0
-            for joint in joints
-        )
+        changes, rests = 0, True
+        for reversals, joint in zip(self._reversals, joints, strict=True):
+            velocity, acceleration = joint.reference.velocity, joint.reference.acceleration
+            changes += reversals.update(velocity, acceleration)
+            rests = rests and velocity == 0.0 and acceleration == 0.0
         verdict = GuardAction.NOTHING
         for name, joint, watch, crossover in zip(
             self._names, joints, self._swinging, means.crossovers, strict=True
@@ -233,8 +229,9 @@ class LoopGuard:
             seen = watch.update(
                 time, joint.error, joint.motion.position, changes, rests, joint.unexplained
             )
-            fades = time < max(self._pause_until, self._swings_fade_until)
-            if seen is not None and not fades and verdict is GuardAction.NOTHING:
+            if seen is None or time < max(self._pause_until, self._swings_fade_until):
+                continue
+            if verdict is GuardAction.NOTHING:
                 cause = _cause(seen, joint.behind_tube, crossover)
                 told = f"{name}: {_told(seen, cause)}"
                 if cause is Cause.OUTSIDE or (cause in FRICTION and not seen.rests):

@@ -82,8 +82,10 @@ def multicast_bus() -> BusChoice:
     return BusChoice("udp_multicast", MULTICAST_GROUP, free_udp_port())
 
 
-def best_bus() -> BusChoice:
-    """The interface vcan0 if it is up, otherwise a loopback multicast bus."""
+def best_bus(can: str = "") -> BusChoice:
+    """The named CAN interface, else vcan0 if it is up, else a loopback multicast bus."""
+    if can:
+        return BusChoice("socketcan", can)
     flags = Path("/sys/class/net/vcan0/flags")
     if flags.exists() and int(flags.read_text(), 16) & 1:
         return BusChoice("socketcan", "vcan0")
@@ -225,6 +227,11 @@ class Chain:
             for process in self.processes.values():
                 process.kill()
             raise
+
+    def write_logs(self, folder: Path) -> None:
+        """Write what each process that has ended has printed."""
+        for name, text in self.outputs.items():
+            (folder / f"{name}.log").write_text(text)
 
     def __enter__(self) -> Self:
         return self

@@ -130,11 +130,11 @@ def compared(
         return []
     return [
         ClosedLoopFigure(
-            ones[0].name,
-            median(one.rms for one in ones),
-            median(two.rms for two in twos),
-            median(one.true_rms for one in ones),
-            median(two.true_rms for two in twos),
+            ones[0].measured.motion.name,
+            median(one.measured.rms() for one in ones),
+            median(two.measured.rms() for two in twos),
+            median(one.true.rms() for one in ones),
+            median(two.true.rms() for two in twos),
         )
         for ones, twos in zip(zip(*before, strict=True), zip(*after, strict=True), strict=True)
     ]
@@ -192,7 +192,9 @@ def close_loop(
                 "tracking": [asdict(figure) for figure in figures],
                 "unit": "rad",
                 "runs": {
-                    side: [{each.name: each.true_rms for each in run} for run in played]
+                    side: [
+                        {each.true.motion.name: each.true.rms() for each in run} for run in played
+                    ]
                     for side, played in (("before", before), ("after", after))
                 },
             },
@@ -200,7 +202,9 @@ def close_loop(
         )
     )
     page = out / "close_loop.html"
-    write_page(page, effects, diagnosis, before[0], after[0] if after else [], figures, runs)
+    first = [motion.measured for motion in before[0]]
+    second = [motion.measured for motion in after[0]] if after else []
+    write_page(page, effects, diagnosis, first, second, figures, runs)
     error = "RMS error" if runs == 1 else f"median RMS error of {runs} runs"
     for figure in figures:
         print(

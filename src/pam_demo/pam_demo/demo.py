@@ -11,21 +11,20 @@ import json
 import os
 import shutil
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
 
-from pam_demo.chain import BusChoice, Chain, best_bus, private_domain
+from pam_demo.chain import Chain, best_bus, private_domain
 from pam_demo.figures import TIMING, evaluate, show, target_text
 from pam_demo.loop_rate import (
     RATES,
     RateNotHeld,
     TooSlowError,
     judge,
-    node_settings,
     rate_sentence,
     trial,
 )
@@ -33,7 +32,7 @@ from pam_demo.motions import APPROACH, DemoMotion, all_motions
 from pam_demo.page import write_page, write_picture
 from pam_demo.player import TAIL, NotPlayedError, OpenPlayer, Player
 from pam_demo.processes import NodeProcess, Setting
-from pam_demo.programs import RECORDER
+from pam_demo.programs import RECORDER, recorder_words
 from pam_gap.answer.user_units import told
 from pam_model.command_line import Arguments, Outcome, Progress, chosen_rig, progress
 from pam_model.errors import PamError
@@ -52,13 +51,39 @@ LAWS: dict[str, dict[str, Setting]] = {
     "no_feedforward": {"feedforward.enabled": False},
     "pressure_ratio_pid": {"law": "pressure_ratio_pid"},
 }
-# as on a robot; the rig has the highest priority, since real boards do not wait for their host
-REALTIME: dict[str, dict[str, Setting]] = {
-    "rig": {"realtime_priority": 21},
-    "driver": {"realtime_priority": 20},
-    "controller": {"loop.realtime_priority": 20},
-}
 COMPARED = ("arm", "chirp")  # motions that the simpler laws play as well
+
+
+def node_settings(rate: float) -> dict[str, dict[str, Setting]]:
+    """Parameters of rig, driver and controller with loops of this rate [Hz].
+
+    The priorities are those of a robot. That of the rig is the highest, since real boards do not
+    wait for their host.
+    """
+    return {
+        "rig": {"rate": 2.0 * rate, "measurement_rate": rate, "realtime_priority": 21},
+        "driver": {
+            "rate": rate,
+            "realtime_priority": 20,
+            "activate_on_start": True,
+            "startup_timeout": START_TIMEOUT,
+        },
+        "controller": {"loop.rate": rate, "loop.realtime_priority": 20},
+    }
+
+
+def hidden_settings(rig: Rig, effects: Sequence[str]) -> dict[str, Setting]:
+    """Parameters of the simulated rig for the effects of --true-effects.
+
+    Raises
+    ------
+    PamError
+        For an effect that the rig cannot have.
+    """
+    if not effects:
+        return {}
+    apply_effects(rig, rig, parse_effects(effects, "--true-effects"))
+    return {"hidden_effects": " ".join(effects)}
 
 
 def programme(motions: list[DemoMotion], with_baselines: bool) -> list[tuple[str, DemoMotion]]:
@@ -123,21 +148,19 @@ def perform(
         If a process ends or does not become ready.
     """
     runs: list[dict[str, Any]] = []
-    paced = node_settings(rate)
+    settings = node_settings(rate)
     total = sum(APPROACH + motion.duration + TAIL for _, motion in plays)
     with progress(total, "starting the rig") as bar:
         chain.processes["recorder"] = NodeProcess(
             RECORDER,
             environment=chain.environment,
-            arguments=["--out", str(bag), "--realtime-priority", str(LOWEST_PRIORITY)],
+            arguments=recorder_words(chain.params_files[0], bag, LOWEST_PRIORITY),
         )
-        rig = chain.start("rig", plant | REALTIME["rig"] | paced["rig"])
+        rig = chain.start("rig", plant | settings["rig"])
         rig.wait_for_output(SIMULATING, COMPILE_TIMEOUT)  # before that, no board answers the driver
         bar.show(0.0, "starting the nodes")
-        asked: dict[str, Setting] = {"activate_on_start": True, "startup_timeout": START_TIMEOUT}
-        driver = asked | REALTIME["driver"] | paced["driver"]
         if separate:
-            chain.start("driver", driver)
+            chain.start("driver", settings["driver"])
             chain.start("model")
             player.wait_for_driver(COMPILE_TIMEOUT, chain.check)
         law_now = ""
@@ -150,11 +173,11 @@ def perform(
                     if separate:
                         player.activate(chain.check)
                 bar.show(done, "starting the controller")
-                controller = LAWS[law] | REALTIME["controller"] | paced["controller"]
+                controller = LAWS[law] | settings["controller"]
                 if separate:
                     chain.start("controller", controller)
                 else:
-                    chain.start_robot({"driver": driver, "controller": controller})
+                    chain.start_robot({"driver": settings["driver"], "controller": controller})
                     player.wait_for_driver(COMPILE_TIMEOUT, chain.check)
                 player.wait_for_controller(COMPILE_TIMEOUT, chain.check)
                 if tries and not runs:
@@ -269,16 +292,13 @@ def run(given: Arguments, open_player: OpenPlayer) -> Outcome:
     rig_path = chosen_rig(given)
     rig = load_rig(rig_path)
     joint = chosen_joint(rig, given.joint)
-    bus = BusChoice("socketcan", given.can) if given.can else best_bus()
-    plant: dict[str, Setting] = {}
+    bus = best_bus(given.can)
+    plant = hidden_settings(rig, given.true_effects)
     if given.true_rig:
         load_rig(given.true_rig)
         plant["true_rig"] = str(given.true_rig)
     if given.firmware:
         plant["firmware"] = str(given.firmware.resolve())
-    if given.true_effects:
-        apply_effects(rig, rig, parse_effects(given.true_effects, "--true-effects"))
-        plant["hidden_effects"] = " ".join(given.true_effects)
     out: Path = given.out
     bag = out / "bag"
     shutil.rmtree(bag, ignore_errors=True)
@@ -302,8 +322,7 @@ def run(given: Arguments, open_player: OpenPlayer) -> Outcome:
                     chain, player, bag, plays, plant, given.rate, separate=given.separate
                 )
     finally:
-        for name, text in chain.outputs.items():
-            (out / f"{name}.log").write_text(text)
+        chain.write_logs(out)
     (out / "runs.json").write_text(json.dumps(runs, indent=1))
     results = evaluate(bag, runs, {motion.name: motion for motion in motions}, rig, joint)
     (out / "figures.json").write_text(json.dumps(results.as_json(), indent=1))

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 from rich.console import Console, JustifyMethod
 from rich.table import Table
-from scipy.interpolate import BPoly
 
 from pam_control.joint_scale import JointScale
 from pam_control.settings import ControlSettings
 from pam_demo.loop_rate import RATES
-from pam_demo.motions import DemoMotion, Window
+from pam_demo.motions import DemoMotion
 from pam_demo.recording import Array, TopicSeries, read_loop_counts, read_recording
+from pam_demo.tracking import MEASURED, TRUE, FollowedAngle
 from pam_gap.answer.user_units import told
 from pam_model.errors import PamError
 from pam_model.joints.joint_statics import JointStatics
@@ -35,7 +35,7 @@ NAMES = {
     "pressure_ratio_pid": "pressure-ratio PID",
 }
 TIMING = ("controller_late", "driver_late")
-NEEDED = ("/joint_states", "/pressure_states", "/valve_commands", "/joint_stiffness")
+NEEDED = (MEASURED, "/pressure_states", "/valve_commands", "/joint_stiffness")
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,26 +78,11 @@ class Play:
 
     law: str  # a key of NAMES
     motion: DemoMotion  # the commanded motion
-    # times, asked, measured: shape (n,): time [s], reference and measured position [rad]
-    times: Array
-    asked: Array
-    measured: Array
+    joint: FollowedAngle  # as measured
     # pressures, valves, stiffness: pressures [Pa], valve commands, stiffness [N m/rad]
     pressures: TopicSeries
     valves: TopicSeries
     stiffness: TopicSeries
-
-    @property
-    def error(self) -> Array:
-        """Reference minus measured position [rad]."""
-        return self.asked - self.measured
-
-    def rms(self, windows: tuple[Window, ...]) -> float:
-        """Root mean square of the error inside any of the windows [rad]."""
-        inside = np.zeros(len(self.times), dtype=bool)
-        for window in windows:
-            inside |= (self.times >= window.start) & (self.times <= window.end)
-        return float(np.sqrt(np.mean(self.error[inside] ** 2)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,17 +105,6 @@ class Results:
         }
 
 
-def asked_position(motion: DemoMotion, times: Array) -> Array:
-    """Reference position [rad] of a motion at `times` [s from its first waypoint]."""
-    if motion.streamed:
-        index = np.searchsorted(motion.times, times, side="right") - 1
-        return motion.positions[np.clip(index, 0, len(motion.times) - 1)]
-    knots = np.stack([motion.positions, motion.velocities, motion.accelerations], axis=1)
-    knots[[0, -1], 1:] = 0.0
-    spline = BPoly.from_derivatives(motion.times, knots)
-    return np.asarray(spline(np.clip(times, motion.times[0], motion.times[-1])))
-
-
 def asked_stiffness(motion: DemoMotion, times: Array) -> Array:
     """Reference stiffness [N m/rad] of a motion at `times` [s]."""
     starts = [entry[0] for entry in motion.stiffness]
@@ -140,18 +114,15 @@ def asked_stiffness(motion: DemoMotion, times: Array) -> Array:
 
 def _play(law: str, motion: DemoMotion, start: float, data: Mapping[str, TopicSeries]) -> Play:
     def part(topic: str) -> TopicSeries:
-        series = data[topic].between(start, start + motion.duration)
+        series = data[topic].during(start, motion.duration)
         if not len(series.times):
             raise PamError(f"{topic}: nothing was recorded during {motion.title!r} ({law})")
-        return TopicSeries(series.times - start, series.values)
+        return series
 
-    joint = part("/joint_states")
     return Play(
         law,
         motion,
-        joint.times,
-        asked_position(motion, joint.times),
-        joint.values[:, 0],
+        FollowedAngle.of(motion, part(MEASURED)),
         part("/pressure_states"),
         part("/valve_commands"),
         part("/joint_stiffness"),
@@ -168,7 +139,7 @@ def _stiffness_figures(play: Play, rig: Rig, moved: str) -> tuple[list[Figure], 
     """Worst deviation of the settled levels, and notes on levels that cannot be reached."""
     robot = compose(rig)
     joint = JointStatics.from_robot(robot, robot.joint(moved))
-    position = float(np.mean(play.measured))
+    position = float(np.mean(play.joint.angle))
     torque = -gravity_torque(robot.joint(moved), position)
     worst, notes = 0.0, []
     scale = JointScale.of(robot.joint(moved), joint)
@@ -194,18 +165,19 @@ def _step_figures(play: Play) -> list[Figure]:
     """Overshoot and settling time over all steps."""
     jumps = np.flatnonzero(np.diff(play.motion.positions)) + 1
     starts = [0.0, *play.motion.times[jumps]]
+    times, angle = play.joint.times, play.joint.angle
     overshoot, settling = 0.0, 0.0
     for index in range(1, len(starts)):
         begin = starts[index]
         end = starts[index + 1] if index + 1 < len(starts) else play.motion.duration
-        inside = (play.times >= begin) & (play.times < end)
+        inside = (times >= begin) & (times < end)
         target = float(play.motion.positions[jumps[index - 1]])
         height = target - float(play.motion.positions[jumps[index - 1] - 1])
-        past = (play.measured[inside] - target) / height
+        past = (angle[inside] - target) / height
         overshoot = max(overshoot, float(np.max(past)))
-        outside = np.flatnonzero(np.abs(play.measured[inside] - target) > SETTLED)
+        outside = np.flatnonzero(np.abs(angle[inside] - target) > SETTLED)
         if len(outside):
-            settling = max(settling, float(play.times[inside][outside[-1]]) - begin)
+            settling = max(settling, float(times[inside][outside[-1]]) - begin)
     text = f"Steps: longest settling time to within {SETTLED:g} rad"
     return [
         Figure("step_overshoot", "Steps: maximum overshoot", 100.0 * overshoot, "%"),
@@ -224,19 +196,13 @@ def _truth_figures(
     runs: list[dict[str, Any]], motions: Mapping[str, DemoMotion], data: Mapping[str, TopicSeries]
 ) -> list[Figure]:
     """Error of the arm's motion by the plant's true angle, which has no sensor errors."""
-    truth = data.get("/ground_truth/joint_states")
-    run = next(run for run in runs if (run["law"], run["motion"]) == ("full", "arm"))
-    if truth is None:
+    if TRUE not in data:
         return []
-    motion, start = motions["arm"], run["start"]
-    part = truth.between(start, start + motion.duration)
-    times = part.times - start
-    scored = np.zeros(len(times), dtype=bool)
-    for window in motion.windows:
-        scored |= (times >= window.start) & (times <= window.end)
-    error = (asked_position(motion, times) - part.values[:, 0])[scored]
-    text = f"{motion.title}: RMS error of the true angle"
-    return [Figure("arm_rms_truth", text, float(np.sqrt(np.mean(error**2))), "rad")]
+    run = next(run for run in runs if (run["law"], run["motion"]) == ("full", "arm"))
+    motion = motions["arm"]
+    true = data[TRUE].during(run["start"], motion.duration)
+    rms = FollowedAngle.of(motion, true).rms(motion.windows)
+    return [Figure("arm_rms_truth", f"{motion.title}: RMS error of the true angle", rms, "rad")]
 
 
 def _loop_figures(
@@ -338,10 +304,14 @@ def evaluate(
     to_1, to_2 = (chirp.motion.windows[:1], chirp.motion.windows[1:])
     figures = [
         Figure(
-            "arm_rms", f"{arm.motion.title}: RMS error", arm.rms(arm.motion.windows), "rad", 0.01
+            "arm_rms",
+            f"{arm.motion.title}: RMS error",
+            arm.joint.rms(arm.motion.windows),
+            "rad",
+            0.01,
         ),
-        Figure("chirp_1hz_rms", "Chirp to 1 Hz: RMS error", chirp.rms(to_1), "rad", 0.015),
-        Figure("chirp_2hz_rms", "Chirp to 2 Hz: RMS error", chirp.rms(to_2), "rad"),
+        Figure("chirp_1hz_rms", "Chirp to 1 Hz: RMS error", chirp.joint.rms(to_1), "rad", 0.015),
+        Figure("chirp_2hz_rms", "Chirp to 2 Hz: RMS error", chirp.joint.rms(to_2), "rad"),
     ]
     if ("full", "staircase") in by:
         more, notes_here = _stiffness_figures(by["full", "staircase"], rig, joint)
@@ -351,9 +321,9 @@ def evaluate(
         for name, windows in (("arm", arm.motion.windows), ("chirp", to_2)):
             if (law, name) not in by:
                 continue
-            rms = by[law, name].rms(windows)
+            rms = by[law, name].joint.rms(windows)
             text = f"{by[law, name].motion.title}, {NAMES[law]}: RMS error"
-            ratio = rms / by["full", name].rms(windows)
+            ratio = rms / by["full", name].joint.rms(windows)
             figures.append(Figure(f"{name}_rms_{law}", text, rms, "rad"))
             text = (
                 f"{by[law, name].motion.title}, {NAMES[law]}: error in multiples of the full "
@@ -365,7 +335,9 @@ def evaluate(
     if ("full", "staircase") in by:
         held = by["full", "staircase"]
         figures.append(
-            Figure("staircase_rms", "Held angle: RMS error", held.rms(held.motion.windows), "rad")
+            Figure(
+                "staircase_rms", "Held angle: RMS error", held.joint.rms(held.motion.windows), "rad"
+            )
         )
     figures += _truth_figures(runs, motions, data)
     periods = {"/valve_commands": _periods(full, data["/valve_commands"])}

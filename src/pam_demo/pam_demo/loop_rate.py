@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from pam_demo.motions import DemoMotion, chirp
-from pam_demo.processes import Setting
 from pam_model.errors import PamError
 
 RATES: Final = (500.0, 250.0, 125.0)
@@ -31,15 +30,6 @@ class RateNotHeld:
 
     rate: float
     reason: str
-
-
-def node_settings(rate: float) -> dict[str, dict[str, Setting]]:
-    """Parameters that make rig, driver and controller run at this rate [Hz]."""
-    return {
-        "rig": {"rate": 2.0 * rate, "measurement_rate": rate},
-        "driver": {"rate": rate},
-        "controller": {"loop.rate": rate},
-    }
 
 
 def trial() -> DemoMotion:

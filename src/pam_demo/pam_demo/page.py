@@ -7,7 +7,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import jinja2
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
@@ -23,6 +22,7 @@ from pam_demo.figures import (
     target_text,
 )
 from pam_demo.recording import Array
+from pam_gap.answer.html_page import html_page, marked_up
 from pam_gap.answer.page_style import PLOT_LOOK
 from pam_gap.answer.plots_in_page import WIDE, is_narrow, picture
 from pam_gap.answer.user_units import told
@@ -42,6 +42,27 @@ STYLE: Any = PLOT_LOOK | {  # matplotlib's own type lists every key
     "svg.fonttype": "path",
     "svg.hashsalt": "demo",
 }
+PAGE_STYLE = """
+ .cards { display: grid; grid-template-columns: repeat(auto-fit, minmax(13rem, 1fr)); gap: .8rem;
+          margin: 1.2rem 0; }
+ .card { background: var(--box); border: 1px solid var(--line); border-radius: .5rem;
+         padding: .9rem 1.1rem; break-inside: avoid; }
+ .card b { display: block; font-size: 1.55rem; font-variant-numeric: tabular-nums; }
+ .card span { display: block; color: var(--quiet); font-size: .86rem; line-height: 1.35; }
+"""
+BODY = """
+<p class="quiet">The valve boards are simulated and connected by a CAN bus ({{ bus }}); driver,
+model and controller run {{ processes }}. {{ rate_sentence }}
+All numbers and plots on this page were computed from the recording of the ROS 2 topics.</p>
+<div class="cards">
+{% for f in headline %}<div class="card"><b class="{{ css(f) }}">{{ text(f.value, f.unit) }}</b>
+<span>{{ f.text }}{% if f.target is not none %}<br>target: {{ target(f) }}{% endif %}
+{%- if f.reason %}<br>missed: {{ f.reason }}{% endif %}</span></div>
+{% endfor %}</div>
+{% for title, picture in plots %}<h2>{{ title }}</h2>{{ picture | safe }}{% endfor %}
+<h2>All figures</h2>{{ table(['figure', '#value', 'target'], figures) }}
+<h2>Remarks</h2><ul>{% for note in notes %}<li>{{ note }}</li>{% endfor %}</ul>
+"""
 HEADLINE = (
     "arm_rms",
     "chirp_1hz_rms",
@@ -74,12 +95,12 @@ def _motion_plot(plays: list[Play], muscles: Mapping[str, str], width: float = W
     angle, error, stiffness, pressure, valve = rows
     for play in reversed(plays):
         colour, name = COLOURS[play.law], NAMES[play.law]
-        _line(angle, play.times, play.measured, color=colour, label=name)
-        _line(error, play.times, 1e3 * play.error, color=colour, label=name)
+        _line(angle, play.joint.times, play.joint.angle, color=colour, label=name)
+        _line(error, play.joint.times, 1e3 * play.joint.error, color=colour, label=name)
     _line(
         angle,
-        first.times,
-        first.asked,
+        first.joint.times,
+        first.joint.asked,
         color=ASKED,
         linestyle="--",
         linewidth=1.0,
@@ -180,7 +201,9 @@ def write_picture(path: Path, results: Results, muscles: Mapping[str, str]) -> P
 
 def _alt(plays: Sequence[Play]) -> str:
     """What the plot of a motion shows, for those who do not see it."""
-    errors = [f"{NAMES[play.law]} {told(play.rms(play.motion.windows), 'rad')}" for play in plays]
+    errors = [
+        f"{NAMES[play.law]} {told(play.joint.rms(play.motion.windows), 'rad')}" for play in plays
+    ]
     return (
         f"{plays[0].motion.title}: angle, error, stiffness, pressures and valves over time. "
         f"RMS errors: {', '.join(errors)}."
@@ -189,6 +212,16 @@ def _alt(plays: Sequence[Play]) -> str:
 
 def _css(figure: Figure) -> str:
     return {None: "", True: "good", False: "bad"}[figure.met]
+
+
+def _row(figure: Figure) -> tuple[str, str, str]:
+    text = figure.text
+    if figure.reason:
+        text = marked_up("{}<br><small>missed: {}</small>", text, figure.reason)
+    value = marked_up(
+        '<span class="{}">{}</span>', _css(figure), told(figure.value, figure.unit, 3)
+    )
+    return text, value, target_text(figure).replace(" %", "\xa0%")
 
 
 def write_page(
@@ -231,18 +264,18 @@ def write_page(
     alt = f"{title}: histogram on a logarithmic scale; a line marks where a period counts as late."
     plots.append((title, picture(partial(_histogram, results), alt, STYLE)))
     by_key = {figure.key: figure for figure in results.figures}
-    template = jinja2.Environment(autoescape=True).from_string(
-        Path(__file__).with_name("page.html.j2").read_text(encoding="utf-8")
-    )
-    html = template.render(
+    html = html_page(
+        "Control of a joint with pneumatic muscles",
+        BODY,
+        style=PAGE_STYLE,
         bus=bus,
         rate_sentence=rate_sentence,
         processes="as separate processes" if separate else "in one process",
         headline=[by_key[key] for key in HEADLINE if key in by_key],
-        figures=results.figures,
+        figures=[_row(figure) for figure in results.figures],
         notes=results.notes,
         plots=plots,
-        told=partial(told, digits=3),
+        text=partial(told, digits=3),
         target=target_text,
         css=_css,
     )

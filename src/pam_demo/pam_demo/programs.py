@@ -7,6 +7,7 @@ import statements, so that the test of the import rules sees them.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Final
 
 MODULES: Final[Mapping[str, str]] = {
@@ -27,4 +28,11 @@ NODES_OF_ROBOT: Final[Mapping[str, str]] = {
 """The program that runs three of these nodes in one process, and their names there."""
 
 DEMO: Final = "pam_demo"
-RECORDER: Final = "pam_demo.recorder_node"
+RECORDER: Final = "pam_gap"
+"""Its command `record`."""
+
+
+def recorder_words(rig: str | Path, bag: str | Path, priority: int = 0) -> list[str]:
+    """Arguments of `RECORDER` for all topics of a robot."""
+    words = ["record", "--all", "--rig", str(rig), "--out", str(bag)]
+    return [*words, "--realtime-priority", str(priority)]

@@ -10,9 +10,9 @@ from typing import Any, cast
 
 import numpy as np
 import numpy.typing as npt
-from rosbags.highlevel import AnyReader, AnyReaderError
-from rosbags.typesys import Stores, get_typestore
+from rosbags.highlevel import AnyReaderError
 
+from pam_gap.recordings.broken_bag import bag_reader
 from pam_model.errors import PamError
 from pam_ros.valve_command import commands_of_any_kind
 
@@ -42,15 +42,16 @@ class TopicSeries:
         first, last = np.searchsorted(self.times, (start, end))
         return TopicSeries(self.times[first:last], self.values[first:last], self.names)
 
+    def during(self, start: float, duration: float) -> TopicSeries:
+        """The samples of `duration` seconds from `start` [s], from which their times count."""
+        part = self.between(start, start + duration)
+        return TopicSeries(part.times - start, part.values, part.names)
+
     def only(self, names: Sequence[str]) -> TopicSeries:
         """The elements that have one of these names."""
         columns = [self.names.index(name) for name in names if name in self.names]
         kept = tuple(self.names[column] for column in columns)
         return TopicSeries(self.times, self.values[:, columns], kept)
-
-    def at(self, times: Array, element: int = 0) -> Array:
-        """One element, linearly interpolated."""
-        return np.interp(times, self.times, self.values[:, element])
 
 
 LOOP_COUNTS = ("cycles", "late cycles", "skipped cycles")
@@ -107,7 +108,7 @@ def read_recording(bag: Path, fields: dict[str, str] | None = None) -> dict[str,
     stamps: dict[str, list[float]] = {topic: [] for topic in fields}
     rows: dict[str, list[dict[str, float]]] = {topic: [] for topic in fields}
     try:
-        with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
+        with bag_reader([bag]) as reader:
             wanted = [entry for entry in reader.connections if entry.topic in fields]
             for connection, received, raw in reader.messages(connections=wanted):
                 message = reader.deserialize(raw, connection.msgtype)
@@ -143,7 +144,7 @@ def read_loop_counts(bag: Path, node: str) -> TopicSeries:
     """
     times: list[float] = []
     rows: list[list[float]] = []
-    with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
+    with bag_reader([bag]) as reader:
         wanted = [entry for entry in reader.connections if entry.topic == "/diagnostics"]
         for connection, received, raw in reader.messages(connections=wanted):
             for status in reader.deserialize(raw, connection.msgtype).status:

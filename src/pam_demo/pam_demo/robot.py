@@ -9,14 +9,11 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
-from pam_demo.chain import BusChoice, Chain, best_bus
-from pam_demo.demo import COMPILE_TIMEOUT, REALTIME, SIMULATING, START_TIMEOUT
-from pam_demo.loop_rate import RATES, node_settings
-from pam_demo.processes import Setting
+from pam_demo.chain import Chain, best_bus
+from pam_demo.demo import COMPILE_TIMEOUT, SIMULATING, START_TIMEOUT, hidden_settings, node_settings
+from pam_demo.loop_rate import RATES
 from pam_model.command_line import Arguments, Outcome, chosen_rig
 from pam_model.rig import load_rig
-from pam_sim.rig import parse_effects
-from pam_sim.simulated_rig import apply_effects
 
 ACTIVE = "active: valves follow"  # in the line that the driver writes when the robot may move
 LOOK_EVERY = 0.5  # s
@@ -42,35 +39,26 @@ def run(given: Arguments) -> Outcome:
     """
     rig_path = chosen_rig(given)
     rig = load_rig(rig_path)
-    plant: dict[str, Setting] = {}
-    if given.true_effects:
-        apply_effects(rig, rig, parse_effects(given.true_effects, "--true-effects"))
-        plant["hidden_effects"] = " ".join(given.true_effects)
-    bus = BusChoice("socketcan", given.can) if given.can else best_bus()
+    plant = hidden_settings(rig, given.true_effects)
+    bus = best_bus(given.can)
     chain = Chain([rig_path], bus, {})
-    paced = node_settings(given.rate or RATES[0])
+    settings = node_settings(given.rate or RATES[0])
     out: Path = given.out
     out.mkdir(parents=True, exist_ok=True)
     print(f"rig {rig_path}, bus: {bus}; starting (the first start takes a minute)", flush=True)
     try:
         with chain:
             # before the boards simulate, none answers the driver
-            simulated = plant | REALTIME["rig"] | paced["rig"]
-            chain.start("rig", simulated).wait_for_output(SIMULATING, COMPILE_TIMEOUT)
-            asked: dict[str, Setting] = {
-                "activate_on_start": True,
-                "startup_timeout": START_TIMEOUT,
-            }
-            settings = {
-                "driver": asked | REALTIME["driver"] | paced["driver"],
-                "controller": REALTIME["controller"] | paced["controller"],
-            }
+            boards = chain.start("rig", plant | settings["rig"])
+            boards.wait_for_output(SIMULATING, COMPILE_TIMEOUT)
             if given.separate:
                 chain.start("controller", settings["controller"])
                 chain.start("model")
                 driver = chain.start("driver", settings["driver"])
             else:
-                driver = chain.start_robot(settings)
+                driver = chain.start_robot(
+                    {name: settings[name] for name in ("driver", "controller")}
+                )
             driver.wait_for_output(ACTIVE, START_TIMEOUT)
             print(f"{', '.join(rig.joint_names)}: ready to move; Ctrl-C ends it", flush=True)
             said: dict[str, int] = {}
@@ -81,7 +69,6 @@ def run(given: Arguments) -> Outcome:
     except KeyboardInterrupt:  # Ctrl-C or SIGTERM; the only way to end it
         pass
     finally:
-        for name, text in chain.outputs.items():
-            (out / f"{name}.log").write_text(text)
+        chain.write_logs(out)
     print(f"ended; logs of the nodes: {out}")
     return Outcome({"out": out})

@@ -1,4 +1,4 @@
-"""Tracking errors of the demo's motions, from the recording of a run."""
+"""How closely a joint followed the demo's motions, from the recording of a run."""
 
 from __future__ import annotations
 
@@ -6,58 +6,71 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
-import numpy.typing as npt
+from scipy.interpolate import BPoly
 
-from pam_demo.figures import asked_position
-from pam_demo.motions import DemoMotion, all_motions
-from pam_demo.recording import read_recording
+from pam_demo.motions import DemoMotion, Window, all_motions
+from pam_demo.recording import Array, TopicSeries, read_recording
 from pam_model.errors import PamError
-
-Array = npt.NDArray[np.float64]
 
 MEASURED, TRUE = "/joint_states", "/ground_truth/joint_states"
 
 
+def asked_position(motion: DemoMotion, times: Array) -> Array:
+    """Reference position [rad] of a motion at `times` [s from its first waypoint]."""
+    if motion.streamed:
+        index = np.searchsorted(motion.times, times, side="right") - 1
+        return motion.positions[np.clip(index, 0, len(motion.times) - 1)]
+    knots = np.stack([motion.positions, motion.velocities, motion.accelerations], axis=1)
+    knots[[0, -1], 1:] = 0.0
+    spline = BPoly.from_derivatives(motion.times, knots)
+    return np.asarray(spline(np.clip(times, motion.times[0], motion.times[-1])))
+
+
 @dataclass(frozen=True, slots=True)
-class TrackedMotion:
-    """One motion of the demo as the joint performed it.
+class FollowedAngle:
+    """An angle of the joint during a motion, beside the reference.
 
     Attributes
     ----------
-    name, title : str
-        Name and title of the motion.
-    times, asked, measured : array, shape (n,)
-        Time from the first waypoint [s], reference [rad], position measured by the sensor [rad].
-    true_times, true : array, shape (m,)
-        Time [s] and true position of the plant [rad].
+    motion : DemoMotion
+        The commanded motion.
+    times, asked, angle : array, shape (n,)
+        Time from the first waypoint [s], reference and angle [rad].
     """
 
-    name: str
-    title: str
+    motion: DemoMotion
     times: Array
     asked: Array
-    measured: Array
-    true_times: Array
-    true: Array
-    true_asked: Array
+    angle: Array
+
+    @classmethod
+    def of(cls, motion: DemoMotion, series: TopicSeries) -> Self:
+        """The first element of what was recorded during the motion."""
+        asked = asked_position(motion, series.times)
+        return cls(motion, series.times, asked, series.values[:, 0])
 
     @property
     def error(self) -> Array:
-        """Reference minus measured position [rad]."""
-        return self.asked - self.measured
+        """Reference minus angle [rad]."""
+        return self.asked - self.angle
 
-    @property
-    def rms(self) -> float:
-        """RMS of the measured error [rad]."""
-        return float(np.sqrt(np.mean(self.error**2)))
+    def rms(self, windows: tuple[Window, ...] | None = None) -> float:
+        """Root mean square of the error inside any of the windows, or of all of it [rad]."""
+        inside = np.full(len(self.times), windows is None)
+        for window in windows or ():
+            inside |= (self.times >= window.start) & (self.times <= window.end)
+        return float(np.sqrt(np.mean(self.error[inside] ** 2)))
 
-    @property
-    def true_rms(self) -> float:
-        """RMS error of the true position [rad]."""
-        return float(np.sqrt(np.mean((self.true_asked - self.true) ** 2)))
+
+@dataclass(frozen=True, slots=True)
+class TrackedMotion:
+    """One motion of the demo as the joint performed it."""
+
+    measured: FollowedAngle  # by the sensor
+    true: FollowedAngle  # by the plant itself
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,19 +101,9 @@ def tracked_motions(folder: Path) -> list[TrackedMotion]:
     found = []
     for run in runs:
         motion = motions[run["motion"]]
-        window = run["start"], run["start"] + motion.duration
-        measured, true = data[MEASURED].between(*window), data[TRUE].between(*window)
-        times, true_times = measured.times - run["start"], true.times - run["start"]
-        found.append(
-            TrackedMotion(
-                motion.name,
-                motion.title,
-                times,
-                asked_position(motion, times),
-                measured.values[:, 0],
-                true_times,
-                true.values[:, 0],
-                asked_position(motion, true_times),
-            )
+        measured, true = (
+            FollowedAngle.of(motion, data[topic].during(run["start"], motion.duration))
+            for topic in (MEASURED, TRUE)
         )
+        found.append(TrackedMotion(measured, true))
     return found

@@ -231,9 +231,8 @@ class BoardSet:
 
     def host_faults(self) -> tuple[Condition, ...]:
         """The boards that report a fault which a driver latched on them."""
-        return tuple(
-            condition for board in self.boards.values() for condition in host_fault_of(board)
-        )
+        keeping = [board for board in self.boards.values() if board.host_fault]
+        return tuple([condition for board in keeping for condition in host_fault_of(board)])
 
     def acknowledge(self) -> None:
         """Discard conditions that are reported only once, such as a restart."""

@@ -374,7 +374,7 @@ class Driver:
             self._boards.latch_fault(now)
         if OUTPUTS[self.state].lower:
             self._lower(now)
-        return snapshot._replace(state=self.state)
+        return snapshot if self.state is snapshot.state else snapshot._replace(state=self.state)
 
     def _look(self, board: Board, time: float) -> None:
         """Keep what a board says before its next frame replaces it."""
@@ -467,7 +467,7 @@ class Driver:
         held = self.people.pressed(now)
         # a board that was just asked to clear its faults needs a moment to report it
         if not held and now - self._cleared_at > self._settings.board_timeout:
-            held = tuple(self._judge.passing(self._boards.host_faults(), "latched_fault"))
+            held = self._judge.passing(self._boards.host_faults(), "latched_fault")
         if held:
             before = self.state
             self._event(SafetyEvent.LATCHED_FAULT, now)

@@ -65,9 +65,10 @@ class DriverTopics:
         self._cycles += 1
         if self._cycles % self._every:
             return
-        stamp = nanoseconds_of(snapshot.pressure_stamp or wall_now)
-        self._pressure_states.publish(stamp, self._muscles, effort=snapshot.pressures)
-        if snapshot.positions:
+        if self._pressure_states.heard():
+            stamp = nanoseconds_of(snapshot.pressure_stamp or wall_now)
+            self._pressure_states.publish(stamp, self._muscles, effort=snapshot.pressures)
+        if snapshot.positions and self._joint_states.heard():
             stamp = nanoseconds_of(snapshot.joint_stamp or wall_now)
             self._joint_states.publish(stamp, *self._measured_joints(snapshot))
         if snapshot.sent and self._sent_commands.heard():

@@ -50,7 +50,7 @@ class PlausibilityCheck(Protocol):
     def restart(self) -> None:
         """Restart after a pause."""
 
-    def deviations(self) -> Iterator[Deviation]:
+    def deviations(self) -> Iterable[Deviation]:
         """The deviations between measurements and physics."""
 
 
@@ -141,6 +141,11 @@ class FaultJudge:
         self._limits = tuple(
             muscle.max_pressure + settings.over_pressure_margin for muscle in rig.muscles
         )
+        margin = rig.plausibility.position_margin
+        self._ranges = tuple(
+            (low - margin, high + margin)
+            for low, high in (joint.position_limits for joint in rig.joints)
+        )
 
     def look(self, board: Board, time: float, active_since: float, cleared_at: float) -> None:
         """Keep what a board says now, because its next frame may say something else.
@@ -164,7 +169,7 @@ class FaultJudge:
         if time - cleared_at > self._settings.board_timeout:
             self._kept.keep(host_fault_of(board))
 
-    def passing(self, found: Iterable[Condition], kind: str) -> Iterator[Condition]:
+    def passing(self, found: Iterable[Condition], kind: str) -> tuple[Condition, ...]:
         """What holds now of a kind, and what held of it since the last judgement."""
         return self._kept.added_to(found, kind)
 
@@ -191,12 +196,9 @@ class FaultJudge:
         boards = self._boards
         times = [samples[channel].time for samples, channel in boards.angles]
         self._speeds.update(*readings, times, now, slow)
-        oldest = min(
-            (samples[channel].time for samples, channel in (*boards.pressures, *boards.angles)),
-            default=now,
-        )
+        times += [samples[channel].time for samples, channel in boards.pressures]
         trips = {board.name: board.round_trip for board in boards.boards.values()}
-        self.loop.update(trips, now - oldest, command_age, now)
+        self.loop.update(trips, now - min(times, default=now), command_age, now)
 
     def judge(self, setpoints: Sequence[float] | None, readings: Readings, now: float) -> None:
         """Check the measurements of one cycle for sensor faults and against the physics.
@@ -244,7 +246,8 @@ class FaultJudge:
             plausibility.update(
                 commands, pressures_then, readings.positions, readings.velocities, supplies
             )
-        self._restarted_at = [at for at in self._restarted_at if now - at <= _RESTART_MEMORY]
+        if self._restarted_at:
+            self._restarted_at = [at for at in self._restarted_at if now - at <= _RESTART_MEMORY]
         if plausibility.restarts > before:
             self._restarted_at.append(now)
         found = list(plausibility.deviations())
@@ -253,10 +256,10 @@ class FaultJudge:
             known = [math.nan] * len(supplies) if self._supply_may_be_empty(now) else supplies
             found += self._checks.update(pressures, angles, known, now)
         self.suspicions = tuple(
-            Condition(kind, subject, text) for kind, subject, size, text in found if size < 1.0
+            [Condition(kind, subject, text) for kind, subject, size, text in found if size < 1.0]
         )
         self._implausible = tuple(
-            Condition(kind, subject, text) for kind, subject, size, text in found if size >= 1.0
+            [Condition(kind, subject, text) for kind, subject, size, text in found if size >= 1.0]
         )
 
     def _supply_may_be_empty(self, now: float) -> bool:
@@ -283,17 +286,16 @@ class FaultJudge:
         settings = self._settings
         boards = self._boards
         yield from self._bus_conditions(now)
-        moving = now - motion.since > settings.board_timeout
-        said = [
-            condition
-            for board in boards.boards.values()
-            for condition in board.conditions(
-                now, settings.board_timeout, settings.sensor_timeout, moving
-            )
-        ]
-        said += self._sensor_conditions(now)
-        kept = self._kept.added_to(said)
-        yield from (condition for condition in kept if condition.kind != "latched_fault")
+        timeout, sensor_timeout = settings.board_timeout, settings.sensor_timeout
+        moving = now - motion.since > timeout
+        said: list[Condition] = []
+        for board in boards.boards.values():
+            said += board.conditions(now, timeout, sensor_timeout, moving)
+        if not self._sensors_are_well(now):
+            said += self._sensor_conditions(now)
+        for condition in self._kept.added_to(said):
+            if condition.kind != "latched_fault":
+                yield condition
         yield from self._speeds.conditions(now)
         yield from self.loop.conditions()
         yield from self._implausible
@@ -328,6 +330,19 @@ class FaultJudge:
         if now - self._boards.foreign_at < _FOREIGN_MEMORY:
             yield Condition("foreign_command", "", "another driver commands boards on this bus")
 
+    def _sensors_are_well(self, now: float) -> bool:
+        """Whether `_sensor_conditions` finds nothing, by a quick look at each channel."""
+        timeout, boards = self._settings.sensor_timeout, self._boards
+        for (samples, channel), limit in zip(boards.pressures, self._limits, strict=True):
+            sample = samples[channel]
+            if now - sample.time > timeout or sample.value > limit:
+                return False
+        for (samples, channel), (low, high) in zip(boards.angles, self._ranges, strict=True):
+            sample = samples[channel]
+            if now - sample.time > timeout or not low <= sample.value <= high:
+                return False
+        return not any(board.availability.has_missed for board in boards.boards.values())
+
     def _sensor_conditions(self, now: float) -> Iterator[Condition]:
         timeout = self._settings.sensor_timeout
         rig, boards = self._rig, self._boards
@@ -359,9 +374,9 @@ class FaultJudge:
         for index in sensors.angles:
             samples, channel = boards.angles[index]
             joint, sample = rig.joints[index], samples[channel]
-            low, high = joint.position_limits
-            margin = rig.plausibility.position_margin
-            inside = low - margin <= sample.value <= high + margin
+            lowest, highest = self._ranges[index]
+            inside = lowest <= sample.value <= highest
             if not inside and sample.time >= oldest and sample.time > NEVER:
+                low, high = joint.position_limits
                 text = f"at {sample.value:.3f} rad, position_limits are {low:g} to {high:g} rad"
                 yield Condition("position_limit", joint.name, text)

@@ -41,6 +41,8 @@ if TYPE_CHECKING:
 
 MOVED = {
     "blind": f"{PROGRAM} check blind",
+    "effects": f"{PROGRAM} check effects",
+    "rules": f"{PROGRAM} check rules",
     "close-loop": f"{PROGRAM} demo close-loop",
 }
 
@@ -263,31 +265,6 @@ def _declare_compare(parser: Parser) -> None:
     parser.add_argument("--out", type=output_folder, required=True, help="folder for compare.html")
 
 
-def _effects(given: Arguments) -> Outcome:
-    from pam_gap.answer.effect_pages import run  # noqa: PLC0415  (matplotlib, numba)
-
-    return run(given)
-
-
-def _declare_effects(parser: Parser) -> None:
-    add_rig(parser)
-    parser.add_argument(
-        "--out", type=output_folder, default="docs", help="folder (default: %(default)s)"
-    )
-
-
-def _rules(given: Arguments) -> Outcome:
-    from pam_gap.rules.page import run  # noqa: PLC0415
-
-    return run(given)
-
-
-def _declare_rules(parser: Parser) -> None:
-    parser.add_argument(
-        "--out", type=output_folder, default="docs", help="folder (default: %(default)s)"
-    )
-
-
 def _declare_record(parser: Parser) -> None:
     add_rig(parser, required=True)
     parser.add_argument("--out", type=output_folder, required=True, help="folder of the recording")
@@ -299,17 +276,29 @@ def _declare_record(parser: Parser) -> None:
         metavar="S",
         help="ends by itself after this time [s] (default: by Ctrl-C)",
     )
+    parser.add_argument(
+        "--all", action="store_true", help="record every topic, not only what a diagnosis needs"
+    )
+    parser.add_argument(
+        "--realtime-priority",
+        type=count(0, 99),
+        default=0,
+        metavar="N",
+        help="real-time priority (SCHED_FIFO), where the system permits it; 0: none (default: 0)",
+    )
 
 
 def _record(given: Arguments) -> Outcome:
     from pam_gap.live.record_node import record  # noqa: PLC0415  (rclpy)
     from pam_model.rig.partial import load_partial_rig  # noqa: PLC0415  (numpy)
+    from pam_ros.periodic import take_priority  # noqa: PLC0415
 
     def tell(line: str) -> None:
         print(line, flush=True)
 
     rig = load_partial_rig(given.rig).rig  # only its names and topics matter here
-    missing = record(rig, given.out, given.namespace, given.duration, tell)
+    take_priority(given.realtime_priority)  # before there are other threads, which inherit it
+    missing = record(rig, given.out, given.namespace, given.duration, tell, every_topic=given.all)
     print(f"written: {given.out}; missing: {'; '.join(missing) or 'nothing'}")
     return Outcome({"bag": given.out, "missing": missing}, missing)
 
@@ -400,8 +389,6 @@ COMMANDS = (
             "pam gap fleet RECORDINGS --rigs TABLE.csv --out OUT",
         ),
     ),
-    Command("effects", "write the page of effects", _declare_effects, _effects),
-    Command("rules", "write the page of constants", _declare_rules, _rules),
     Command(
         "record",
         "record what a diagnosis needs, and show what is still missing",

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import shlex
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -47,13 +47,24 @@ EVIDENCE = "evidence.npz"
 def import_as_mounted(
     recordings: Sequence[str | Path],
     rig: Rig,
-    turned_over: Sequence[str | Path],
-    locked: Sequence[str | Path],
-    shut: Sequence[str | Path],
+    mounted: Mapping[str, Sequence[str | Path]] | None = None,
     rules: Rules = DEFAULT,
     column_map: ColumnMap | None = None,
 ) -> list[Recording]:
     """Read recordings and note the mounting of the joint for each.
+
+    Parameters
+    ----------
+    recordings : sequence of str or Path
+        Recordings with the joint as the rig file describes it.
+    rig : Rig
+        Their rig.
+    mounted : mapping, optional
+        Mounting, such as `LOCKED`, -> further recordings.
+    rules : Rules
+        Hand-set constants of the diagnosis.
+    column_map : ColumnMap, optional
+        Names the columns of tables.
 
     Raises
     ------
@@ -61,16 +72,11 @@ def import_as_mounted(
         When one of them cannot be read.
     """
     read = []
-    for path, mounting in (
-        *((path, "") for path in recordings),
-        *((path, TURNED_OVER) for path in turned_over),
-        *((path, LOCKED) for path in locked),
-        *((path, SHUT) for path in shut),
-    ):
-        recording = without_computed(
-            import_recording(path, column_map=column_map), rig, rules.recording
-        )
-        read.append(replace(recording, mounting=mounting))
+    for mounting, paths in {"": recordings, **(mounted or {})}.items():
+        for path in paths:
+            logged = import_recording(path, column_map=column_map)
+            used = without_computed(logged, rig, rules.recording)
+            read.append(replace(used, mounting=mounting))
     return read
 
 
@@ -78,7 +84,7 @@ def to_diagnose(
     recordings: Sequence[str | Path],
     rig_path: str | Path,
     joint: str | None,
-    mounted: tuple[Sequence[str | Path], Sequence[str | Path], Sequence[str | Path]],
+    mounted: Mapping[str, Sequence[str | Path]],
     rules: Rules = DEFAULT,
     map_path: str | Path | None = None,
 ) -> tuple[Rig, list[Recording], list[str]]:
@@ -88,8 +94,8 @@ def to_diagnose(
     ----------
     recordings, rig_path, joint, rules, map_path
         As in `diagnose_files`.
-    mounted : tuple of three sequences
-        Further recordings: turned over, locked, and with both valves shut.
+    mounted : mapping
+        As in `import_as_mounted`.
 
     Raises
     ------
@@ -101,7 +107,7 @@ def to_diagnose(
     if joint is not None and joint not in known:
         raise PamError(f"{rig_path}: {unknown('joint', joint, known)}")
     column_map = None if map_path is None else load_column_map(map_path)
-    read = import_as_mounted(recordings, rig, *mounted, rules, column_map)
+    read = import_as_mounted(recordings, rig, mounted, rules, column_map)
     return rig, read, subjects_to_diagnose(rig, read, joint)
 
 
@@ -175,7 +181,7 @@ def diagnose_files(
     PamError
         For a rig file or recording that cannot be used.
     """
-    mounted = (turned_over, locked, shut)
+    mounted = {TURNED_OVER: turned_over, LOCKED: locked, SHUT: shut}
     rig, read, names = to_diagnose(recordings, rig_path, joint, mounted, rules, map_path)
     origin = provenance(rig_path, [*recordings, *turned_over, *locked, *shut], command)
     answers = []
@@ -198,10 +204,8 @@ def diagnose_files(
         if not answer_only:
             # a first look does without the time to import matplotlib and bokeh
             from pam_gap.answer.report import write_report  # noqa: PLC0415
-            from pam_gap.answer.report_of_diagnosis import report_data  # noqa: PLC0415
 
-            data = report_data(engine.problem, diagnosis, improved_name)
-            write_report(data, folder / "report.html")
+            write_report(folder / "report.html", engine.problem, diagnosis, improved_name)
         answers.append(diagnosis)
     return answers
 
@@ -244,7 +248,8 @@ def run(given: Arguments) -> Outcome:
 
 def _look(given: Arguments) -> Outcome:
     """Take a first look at each joint, print it, and write it to `first_look.json`."""
-    mounted, rules = (given.turned_over, given.locked, given.shut), _rules(given)
+    mounted = {TURNED_OVER: given.turned_over, LOCKED: given.locked, SHUT: given.shut}
+    rules = _rules(given)
     rig, read, names = to_diagnose(
         given.recordings, given.rig, given.joint, mounted, rules, given.map
     )

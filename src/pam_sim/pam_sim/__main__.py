@@ -11,7 +11,7 @@ if __name__ == "__main__":  # before the imports below, which take time
 
 import sys
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pam_model.argument_types import count, input_file, named_number, number
 from pam_model.command_line import (
@@ -24,10 +24,10 @@ from pam_model.command_line import (
     add_rig,
     start_node,
 )
-from pam_model.errors import PamError
 
 if TYPE_CHECKING:
     from pam_ros.node_help import NodeHelp
+    from pam_ros.parameter_row import Parameter
 
 
 def _rig(given: Arguments) -> Outcome:
@@ -37,6 +37,8 @@ def _rig(given: Arguments) -> Outcome:
 
 
 def _declare_rig(parser: Parser) -> None:
+    from pam_sim.rig_help import OPTIONS, PARAMETERS  # noqa: PLC0415
+
     add_rig(parser, required=True)
     add = parser.add_argument
     add(
@@ -64,55 +66,30 @@ def _declare_rig(parser: Parser) -> None:
         help="host build of firmware/, which then runs as each valve board of this project",
     )
     add(
-        "--rate",
-        type=number("Hz", above=0.0),
-        default=1000.0,
-        metavar="HZ",
-        help="rate at which plant and boards are updated [Hz] (default: %(default)g)",
-    )
-    add(
-        "--realtime-priority",
-        type=count(0, 99),
-        default=0,
-        help="real-time priority (SCHED_FIFO) of the simulation's thread, where the system permits "
-        "it; 0: none (default: %(default)s)",
-    )
-    for name, unit, text in (
-        ("step", "s", "longest integration step of the plant"),
-        ("measurement-rate", "Hz", "rate of the boards' measurements"),
-        ("watchdog", "s", "watchdog time of the boards (default: from the CAN database)"),
-        ("duration", "s", "time after which to end (default: only at a signal)"),
-    ):
-        metavar = unit.upper()
-        add(f"--{name}", type=number(unit, above=0.0), metavar=metavar, help=f"{text} [{unit}]")
-    for name, unit, text in (
-        ("pressure-noise", "Pa", "standard deviation of the noise"),
-        ("position-noise", "rad", "standard deviation of the noise"),
-        ("pressure-quantum", "Pa", "resolution of the converter"),
-        ("position-quantum", "rad", "resolution of the encoder"),
-    ):
-        metavar = unit.upper()
-        add(f"--{name}", type=number(unit, least=0.0), metavar=metavar, help=f"{text} [{unit}]")
-    add("--faults", default="", help="faults to inject: 'seconds name value=number; seconds name'")
-    add("--seed", type=count(0), default=0, help="seed of the noise (default: %(default)s)")
+        "--duration", type=number("s", above=0.0), metavar="S",
+        help="time after which to end (default: only at a signal) [s]",
+    )  # fmt: skip
+    for parameter in PARAMETERS:
+        if parameter.name in OPTIONS:
+            _add_option(parser, parameter)
 
 
-def _fault_tables(given: Arguments) -> Outcome:
-    from pam_sim.faults.kinds import write_into  # noqa: PLC0415
-
-    for page in given.pages:
-        try:
-            text = write_into(page.read_text(encoding="utf-8"))
-        except (PamError, UnicodeDecodeError) as error:
-            raise PamError(f"{page}: {error}") from None
-        page.write_text(text, encoding="utf-8")
-        print(f"written: {page}")
-    return Outcome({"written": given.pages})
-
-
-def _declare_fault_tables(parser: Parser) -> None:
+def _add_option(parser: Parser, parameter: Parameter) -> None:
+    """Add the option of a parameter that the node has, too: `--pressure-noise`."""
+    default, low, high = parameter.default, parameter.low, parameter.high
+    unit = "" if parameter.unit == "-" else parameter.unit
+    checked: dict[str, Any] = {}  # a text is checked where it is used
+    if isinstance(default, int):
+        checked = {"type": count(int(low), int(high))}
+    elif isinstance(default, float):
+        checked = {"type": number(unit, least=low, most=high)}
+    usual = f" (default: {default:g})" if isinstance(default, int | float) else ""
     parser.add_argument(
-        "pages", type=input_file, nargs="+", metavar="PAGE", help="Markdown file with the marks"
+        f"--{parameter.name.replace('_', '-')}",
+        default=default,
+        metavar=unit.upper() or "VALUE",
+        help=parameter.description + (f" [{unit}]" if unit else "") + usual,
+        **checked,
     )
 
 
@@ -144,16 +121,7 @@ COMMANDS = (
             "pam sim rig --rig config/elbow.yaml --interface udp_multicast --channel 239.74.163.2",
         ),
     ),
-    Command(
-        "fault-tables",
-        "update the tables of states and faults in a page of the documentation",
-        _declare_fault_tables,
-        _fault_tables,
-        examples=("pam sim fault-tables docs/safety_tables.md",),
-    ),
 )
-
-
 TOOL = Tool("sim", "A simulated rig with valve boards, as a program and as a node", COMMANDS)
 
 

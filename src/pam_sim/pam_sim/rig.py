@@ -9,14 +9,14 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
 
 from pam_driver.buses import bus_of_options, open_buses
 from pam_model.command_line import Arguments, Outcome
 from pam_model.errors import PamError
-from pam_model.plant.default_step import DEFAULT_STEP
-from pam_model.rig import load_rig
+from pam_model.rig import Rig, load_rig
 from pam_sim.boards.protocol import BoardSettings
 from pam_sim.boards.sensors import SensorQuality
 from pam_sim.rig_loop import RigLoop
@@ -50,26 +50,55 @@ def parse_effects(texts: Sequence[str], source: str) -> dict[str, float]:
     return effects
 
 
+def simulated_rig(
+    rig: Rig,
+    number: Callable[[str], float],
+    effects: Mapping[str, float],
+    *,
+    true_rig: str | Path,
+    dbc: str | Path,
+    firmware: str | Path,
+) -> SimulatedRig:
+    """The simulated rig with the numbers of `rig_help.PARAMETERS`.
+
+    Parameters
+    ----------
+    rig : Rig
+        The rig file.
+    number : callable
+        The value of a parameter by its name.
+    effects : mapping
+        Hidden effects of the plant, as `parse_effects` returns them.
+    true_rig, dbc, firmware : str or Path
+        Files; empty for those that the parameters name as usual.
+    """
+    return SimulatedRig(
+        rig,
+        truth=load_rig(true_rig) if true_rig else None,
+        effects=effects,
+        options={"dbc": str(dbc), "firmware": str(firmware)},
+        board=BoardSettings(
+            measurement_rate=number("measurement_rate"), watchdog_period=number("watchdog") or None
+        ),
+        quality=SensorQuality(
+            **{name: number(name) for name in SensorQuality.__dataclass_fields__}
+        ),
+        rate=number("rate"),
+        step=number("step"),
+        seed=int(number("seed")),
+        now=time.monotonic(),
+    )
+
+
 def _make_loop(given: Arguments) -> RigLoop:
     rig = load_rig(given.rig)
-    board = BoardSettings(watchdog_period=given.watchdog)
-    if given.measurement_rate is not None:
-        board = replace(board, measurement_rate=given.measurement_rate)
-    named = {name: getattr(given, name) for name in SensorQuality.__dataclass_fields__}
-    simulated = SimulatedRig(
+    simulated = simulated_rig(
         rig,
-        truth=load_rig(given.true_rig) if given.true_rig else None,
-        effects=dict(given.effect),
-        options={
-            "dbc": given.dbc or "",
-            "firmware": str(given.firmware.resolve()) if given.firmware else "",
-        },
-        board=board,
-        quality=SensorQuality(**{n: value for n, value in named.items() if value is not None}),
-        rate=given.rate,
-        step=DEFAULT_STEP if given.step is None else given.step,
-        seed=given.seed,
-        now=time.monotonic(),
+        partial(getattr, given),
+        dict(given.effect),
+        true_rig=given.true_rig or "",
+        dbc=given.dbc or "",
+        firmware=given.firmware.resolve() if given.firmware else "",
     )
     only = bus_of_options(rig, given.interface, given.channel, given.port)
     ports = open_buses(rig, simulated.wiring, only)

@@ -53,12 +53,20 @@ PARAMETERS = (
         "rate of the boards' measurements",
     ),
     Parameter("watchdog", 0.0, "s", 0.0, 10.0, "watchdog time of the boards; 0: from the DBC"),
-    Parameter("pressure_noise", _Q.pressure_noise, "Pa", 0.0, 1e5, "standard deviation"),
-    Parameter("position_noise", _Q.position_noise, "rad", 0.0, 0.1, "standard deviation"),
+    Parameter(
+        "pressure_noise", _Q.pressure_noise, "Pa", 0.0, 1e5, "standard deviation of the noise"
+    ),
+    Parameter(
+        "position_noise", _Q.position_noise, "rad", 0.0, 0.1, "standard deviation of the noise"
+    ),
     Parameter("pressure_quantum", _Q.pressure_quantum, "Pa", 0.0, 1e5, "converter's resolution"),
     Parameter("position_quantum", _Q.position_quantum, "rad", 0.0, 0.1, "encoder's resolution"),
     Parameter("seed", 0, "-", 0, 2**31 - 1, "seed of the noise"),
 )
+OPTIONS = frozenset(one.name for one in PARAMETERS if one.default != "") - {
+    "bus.interface", "bus.channel", "bus.port", "ground_truth_rate",
+} | {"faults"}  # fmt: skip
+"""Parameters that are also options of `pam sim rig`."""
 
 HELP = NodeHelp(
     program=f"{PROGRAM} sim node",

@@ -12,7 +12,6 @@ if __name__ == "__main__":  # before the imports below, which take time
     end_at_signals()
 
 import sys
-import time
 from collections.abc import Sequence
 from typing import Any
 
@@ -26,7 +25,7 @@ from std_srvs.srv import Trigger
 from pam_driver.buses import OnlyBus, open_buses
 from pam_driver.driver_parameters import bus_options
 from pam_model.errors import PamError
-from pam_model.rig import Rig, described_key, load_rig, rig_of_node
+from pam_model.rig import described_key, rig_of_node
 from pam_ros.diagnostics import OK, WARN, diagnostic_array, diagnostic_status
 from pam_ros.foreign_text import shown
 from pam_ros.joint_state_publisher import Audience, JointStatePublisher, nanoseconds_of
@@ -34,40 +33,9 @@ from pam_ros.parameters import NodeParameters
 from pam_ros.spin import spin_node
 from pam_ros.steady_timers import SteadyTimers
 from pam_ros.subscriptions import subscribe
-from pam_sim.boards.protocol import BoardSettings
-from pam_sim.boards.sensors import SensorQuality
-from pam_sim.rig import parse_effects
+from pam_sim.rig import parse_effects, simulated_rig
 from pam_sim.rig_help import HELP, PARAMETERS
 from pam_sim.rig_loop import RigLoop
-from pam_sim.simulated_rig import SimulatedRig
-
-
-def _simulated_rig(rig: Rig, values: NodeParameters[Rig]) -> SimulatedRig:
-    number = values.number
-    true_rig, dbc = str(values["true_rig"]), str(values["bus.dbc"])
-    return SimulatedRig(
-        rig,
-        truth=load_rig(true_rig) if true_rig else None,
-        effects=parse_effects(
-            str(values["hidden_effects"]).replace(",", " ").split(), "hidden_effects"
-        ),
-        options={"dbc": dbc, "firmware": str(values["firmware"])},
-        board=BoardSettings(
-            measurement_rate=number("measurement_rate"),
-            watchdog_period=number("watchdog") or None,
-        ),
-        quality=SensorQuality(
-            number("pressure_noise"),
-            number("position_noise"),
-            number("pressure_quantum"),
-            number("position_quantum"),
-        ),
-        rate=number("rate"),
-        step=number("step"),
-        seed=int(number("seed")),
-        now=time.monotonic(),
-    )
-
 
 NAME = "pam_rig"
 
@@ -81,7 +49,15 @@ class RigNode(Node):  # type: ignore[misc]
             self, PARAMETERS, rig_of_node, describe=described_key, usual_name=NAME
         )
         self._rig = values.described
-        simulated = _simulated_rig(self._rig, values)
+        hidden = str(values["hidden_effects"]).replace(",", " ").split()
+        simulated = simulated_rig(
+            self._rig,
+            values.number,
+            parse_effects(hidden, "hidden_effects"),
+            true_rig=str(values["true_rig"]),
+            dbc=str(values["bus.dbc"]),
+            firmware=str(values["firmware"]),
+        )
         options = bus_options(str(values["bus.options"]))
         interface = str(values["bus.interface"])
         if interface == "udp_multicast":

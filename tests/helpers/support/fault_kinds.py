@@ -1,7 +1,7 @@
 """Kinds of fault by name."""
 
-from pam_sim.faults.fault_kind import FaultKind
-from pam_sim.faults.kinds import ALL_KINDS
+from pam_check.fault_kinds.fault_kind import FaultKind
+from pam_check.fault_kinds.kinds import ALL_KINDS
 
 
 def kind_called(name: str) -> FaultKind:

@@ -7,7 +7,7 @@ are shown by the same code.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from typing import Any, Protocol
 
 from pam_bringup.viewer.arm_drawing import Stroke, arm_strokes
@@ -16,6 +16,7 @@ from pam_gap.recordings.recording import COMMANDS, JOINTS, PRESSURES
 from pam_model.rig import Rig
 from pam_model.robot import compose
 from pam_ros.foreign_text import SENTENCE, plain
+from pam_ros.valve_command import FLOW, ValveCommandFormat
 
 TOPICS = {
     "joint_states": "sensor_msgs/msg/JointState",
@@ -52,12 +53,20 @@ class Sink(Protocol):
         """Lines of the 3-D view."""
 
 
+def _of_these(
+    known: Collection[str], names: Sequence[str], values: Sequence[float]
+) -> Iterator[tuple[str, float]]:
+    """The values of these names; each other name would become a curve of its own."""
+    return (pair for pair in zip(names, values, strict=False) if pair[0] in known)
+
+
 class RobotView:
     """Shows the messages of one robot."""
 
     def __init__(self, rig: Rig, sink: Sink) -> None:
         self._rig, self._sink = rig, sink
         self._robot = compose(rig)
+        self._format = ValveCommandFormat(rig.valve_kinds)
         self._window = LiveWindow(rig, GAP_WINDOW)
         self._shown: dict[str, float] = {}
         self._gap_at = math.inf
@@ -90,11 +99,14 @@ class RobotView:
     def _remember(self, topic: str, time: float, message: Any) -> None:
         """Keep the values for the gap, and judge it from time to time."""
         prefix = {"joint_states": JOINTS, "pressure_states": PRESSURES}.get(topic, COMMANDS)
-        values = message.effort if topic == "pressure_states" else message.position
         if topic == "valve_commands":
-            fields = zip(*self._commands(message), strict=False)
-            values = [self._command(*entry) for entry in fields]
-        self._window.take(prefix, time, list(message.name), [float(value) for value in values])
+            commands = self._commands(message)
+            names, values = list(commands), list(commands.values())
+        else:
+            names = list(message.name)
+            shown = message.effort if topic == "pressure_states" else message.position
+            values = [float(value) for value in shown]
+        self._window.take(prefix, time, names, values)
         if self._gap_at == math.inf or self._gap_at > time + 10.0 * GAP_EVERY:
             self._gap_at = time + GAP_WINDOW
         if time >= self._gap_at:
@@ -103,39 +115,18 @@ class RobotView:
                 for stage, ratio in (self._window.gap(place).stages or {}).items():
                     self._number(f"gap/{joint.name}/{stage}", time, ratio)
 
-    @staticmethod
-    def _commands(message: Any) -> tuple[list[str], list[float], list[float]]:
-        """Names, positions and efforts of valve commands, missing ones as NaN."""
-        names = list(message.name)
-        unknown = [math.nan] * len(names)
-        return names, list(message.position) or unknown, list(message.effort) or unknown
-
-    @staticmethod
-    def _command(_name: str, position: float, effort: float) -> float:
-        return position if math.isfinite(position) else effort
-
-    def _joints_of(
-        self, names: Sequence[str], values: Sequence[float]
-    ) -> Iterator[tuple[str, float]]:
-        """The values of the robot's joints; each other name would become a curve of its own."""
-        known = self._rig.joint_names
-        return (pair for pair in zip(names, values, strict=False) if pair[0] in known)
-
-    def _muscles_of(
-        self, names: Sequence[str], values: Sequence[float]
-    ) -> Iterator[tuple[str, float]]:
-        known = self._rig.muscle_names
-        return (pair for pair in zip(names, values, strict=False) if pair[0] in known)
+    def _commands(self, message: Any) -> dict[str, float]:
+        return self._format.known(message.name, message.position, message.effort)
 
     def _number(self, path: str, time: float, value: float) -> None:
         if math.isfinite(value):  # a gap of the curve; one NaN would empty the viewer's plot
-            self._sink.number(path, time, value)
+            self._sink.number(path, time, float(value))
 
     def _show_joint_states(self, time: float, message: Any) -> None:
         strokes: list[Stroke] = []
         for name, position in zip(message.name, message.position, strict=False):
             if name in self._rig.joint_names and math.isfinite(position):
-                self._number(f"angle/{name}/measured", time, float(position))
+                self._number(f"angle/{name}/measured", time, position)
                 place = self._rig.joint_names.index(name)
                 strokes += arm_strokes(self._robot, place, float(position), self._pressures)
         if strokes and not 0.0 <= time - self._shown.get("arm", -math.inf) < DRAW_EVERY:
@@ -143,26 +134,25 @@ class RobotView:
             self._sink.lines(time, strokes)
 
     def _show_pressure_states(self, time: float, message: Any) -> None:
-        for name, pressure in self._muscles_of(message.name, message.effort):
+        muscles = self._rig.muscle_names
+        for name, pressure in _of_these(muscles, message.name, message.effort):
             self._pressures[name] = float(pressure)
-            self._number(f"pressure/{name}", time, 1e-3 * float(pressure))
+            self._number(f"pressure/{name}", time, 1e-3 * pressure)
 
     def _show_valve_commands(self, time: float, message: Any) -> None:
-        for name, position, effort in zip(*self._commands(message), strict=False):
-            if name not in self._rig.muscle_names:
-                continue
-            if math.isfinite(position):
-                self._number(f"valve/{name}", time, float(position))
-            elif math.isfinite(effort):
-                self._number(f"pressure/{name}_asked", time, 1e-3 * float(effort))
+        for name, command in self._commands(message).items():
+            if self._rig.valve_kinds[name] == FLOW:
+                self._number(f"valve/{name}", time, command)
+            else:
+                self._number(f"pressure/{name}_asked", time, 1e-3 * command)
 
     def _show_reference(self, time: float, message: Any) -> None:
-        for name, position in self._joints_of(message.name, message.position):
-            self._number(f"angle/{name}/reference", time, float(position))
+        for name, position in _of_these(self._rig.joint_names, message.name, message.position):
+            self._number(f"angle/{name}/reference", time, position)
 
     def _show_error(self, time: float, message: Any) -> None:
-        for name, position in self._joints_of(message.name, message.position):
-            self._number(f"error/{name}", time, 1e3 * float(position))
+        for name, position in _of_these(self._rig.joint_names, message.name, message.position):
+            self._number(f"error/{name}", time, 1e3 * position)
 
     def _show_stiffness_commands(self, time: float, message: Any) -> None:
         self._asked = [float(value) for value in message.data]

@@ -6,11 +6,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from rosbags.highlevel import AnyReader
-from rosbags.typesys import Stores, get_typestore
-
 from pam_bringup.viewer.robot_view import TOPICS, RobotView
-from pam_gap.recordings.broken_bag import read_bag
+from pam_gap.recordings.broken_bag import bag_reader, read_bag
 from pam_model.errors import PamError
 
 
@@ -36,7 +33,7 @@ def show_bag(path: Path, namespace: str, view: RobotView) -> int:
 
     def show(files: list[Path]) -> int:
         count = 0
-        with AnyReader(files, default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
+        with bag_reader(files) as reader:
             connections = [entry for entry in reader.connections if entry.topic in wanted]
             for connection, received, data in reader.messages(connections=connections):
                 message: Any = reader.deserialize(data, connection.msgtype)

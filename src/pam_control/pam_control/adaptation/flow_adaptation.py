@@ -56,6 +56,7 @@ from pam_control.rows.loop_rows import (
     V_WARM,
     V_WEIGHTS,
 )
+from pam_model.plant.compiled import listed
 
 FILTER: Final = 0.06  # s
 EVERY: Final = 0.02  # s between two updates of the fit
@@ -254,8 +255,8 @@ class FlowAdaptation:
     def _bound(self) -> None:
         self._v[V_FOUND_DELAY] = self._fit.weights[-1]
         bounds = zip(LOWEST, HIGHEST, self._fit.weights, strict=True)
-        for place, (low, high, weight) in enumerate(bounds):
-            self._v[V_WEIGHTS + place] = max(low, min(high, weight))
+        bounded = [max(low, min(high, weight)) for low, high, weight in bounds]
+        self._v[V_WEIGHTS : V_WEIGHTS + N_WEIGHTS] = bounded
 
     @property
     def opened(self) -> tuple[float, float]:
@@ -266,7 +267,7 @@ class FlowAdaptation:
     def update(self) -> None:
         """Learn from the filtered samples; due when `V_SINCE` has reached `EVERY`."""
         v = self._v
-        smooth = list(map(float, v[V_SMOOTH : V_SMOOTH + N_SMOOTH]))
+        smooth = listed(v[V_SMOOTH : V_SMOOTH + N_SMOOTH])
         slow, shown, lost, up, down, _, moved = smooth[:7]
         per_rate, since = float(v[V_PER_RATE]), float(v[V_SINCE])
         known = self.tube.share > 0.0

@@ -74,6 +74,7 @@ from pam_control.rows.plan_rows import (
     Y_REFERENCE,
     Y_STIFFNESS,
 )
+from pam_model.plant.compiled import listed
 
 FILTER: Final = 0.03  # s, T
 EVERY: Final = 0.01  # s between two updates of the fit
@@ -311,12 +312,12 @@ class TorqueAdaptation:
 
     def _sample(self) -> tuple[tuple[float, ...], float, float]:
         """Values of the functions, the torque that they should explain [N m], speed [rad/s]."""
-        row = self._row
+        row = listed(self._row)
         # the difference below is the acceleration half a period ago
-        before, now = (map(float, row[at : at + N_SAMPLE]) for at in (A_BEFORE, A_TWICE))
+        before, now = (row[at : at + N_SAMPLE] for at in (A_BEFORE, A_TWICE))
         smooth = [0.5 * (one + other) for one, other in zip(before, now, strict=True)]
-        once, twice = float(row[A_SPEED_ONCE]), float(row[A_SPEED_TWICE])
-        speed, push = 0.5 * (float(row[A_SPEED_BEFORE]) + twice), (once - twice) / FILTER
+        once, twice = row[A_SPEED_ONCE], row[A_SPEED_TWICE]
+        speed, push = 0.5 * (row[A_SPEED_BEFORE] + twice), (once - twice) / FILTER
         model = self._damping * speed + self._inertia * push
         return (*smooth[1:4], speed, push, *smooth[4:]), smooth[0] - model, speed
 

@@ -16,9 +16,11 @@ from pam_control.joint_models import JointModels
 from pam_control.joint_setup import JointSetup
 from pam_control.laws.law import AnyLaw
 from pam_control.references.reference_generator import ReferenceGenerator
+from pam_control.rows.loop_rows import V_TUBE
 from pam_control.rows.muscle_table import MuscleTable
+from pam_control.rows.plan_rows import W_DESIRED
 from pam_control.settings import ControlSettings
-from pam_model.plant.compiled import for_kernel, listed, prepare
+from pam_model.plant.compiled import for_kernel, listed, listed_column, prepare
 from pam_model.views.joint_numbers import joint_numbers
 
 
@@ -56,6 +58,7 @@ class ControlCycle:
         robot = joints[0].robot
         self._count = len(robot.muscles)
         self._table = table = MuscleTable.of(robot)
+        self._owned = [[int(loop) for loop in owned] for owned in table.owned]
         numbers = for_kernel(joint_numbers(robot))
         self._valves = PressureLoops(robot, joints, table, reservoir, numbers)
         states, loops = law.init_together(joints), self._valves.loops
@@ -165,8 +168,10 @@ class ControlCycle:
         demand(table.owned, rows.w, rows.x, rows.k, rows.u, valves.demands, step)
         found, cut = valves.command(time - measured_at, step)
         settle(table.owned, rows.x, rows.k, rows.u, cut, step, share is not None)
-        for channel, x, k in zip(self.channels, listed(rows.x), listed(rows.k), strict=True):
-            channel.tell(x, k)
+        tubes, desired = listed_column(valves.state, V_TUBE), listed_column(rows.w, W_DESIRED)
+        told = zip(self.channels, listed(rows.x), listed(rows.k), desired, self._owned, strict=True)
+        for channel, x, k, pressures, owned in told:
+            channel.tell(x, k, tuple(pressures), sum([tubes[loop] > 0.0 for loop in owned]))
         commands = [math.nan] * self._count
         for place, command in zip(table.places, listed(found), strict=True):
             commands[place] = command

@@ -324,8 +324,18 @@ class JointChannel:
         self._x[X_TORQUE_LIMITED] = 0.0
         self._law_telemetry = self._telemetry.law._replace(clipped=())
 
-    def tell(self, x: list[float], k: list[float]) -> None:
-        """Keep the telemetry of a cycle, from the joint's rows."""
+    def tell(self, x: list[float], k: list[float], desired: PerMuscle, tubes: int) -> None:
+        """Keep the telemetry of a cycle.
+
+        Parameters
+        ----------
+        x, k : list of float
+            The joint's rows.
+        desired : tuple of float
+            Pressures of its muscles [Pa].
+        tubes : int
+            Number of muscles that were found to be behind one.
+        """
         law, unexplained = self._law_telemetry, math.nan
         if law is None:
             unexplained = x[X_UNEXPLAINED]
@@ -346,9 +356,9 @@ class JointChannel:
             JointReference(x[X_SEEN + 1], x[X_SEEN + 2], x[X_SEEN + 3]),
             MeasuredMotion(k[K_POSITION], k[K_VELOCITY], k[K_TIME]),
             k[K_SEEN_ERROR],
-            self._desired,
+            desired,
             clipped,
-            sum([loop.behind_tube for loop in self.loops]),
+            tubes,
             law,
             unexplained,
         )

@@ -60,7 +60,7 @@ from pam_control.rows.loop_rows import (
 )
 from pam_control.rows.muscle_table import O_JOINT, MuscleTable
 from pam_control.settings import ControlSettings
-from pam_model.plant.compiled import for_kernel, prepare
+from pam_model.plant.compiled import for_kernel, listed_column, prepare
 from pam_model.plant.control_laws import inverse_row
 from pam_model.robot import Robot, RobotMuscle
 from pam_model.views.gas_volume import gas_space
@@ -255,6 +255,9 @@ class PressureLoops:
         )  # fmt: skip
         self._reservoir.draw(drawn)
         if is_due:
-            for loop in self.loops:
-                loop.update()
+            chattered = listed_column(self.state, V_CHATTERED)
+            since = listed_column(self.state, V_SINCE)
+            for loop, chatters, waited in zip(self.loops, chattered, since, strict=True):
+                if chatters > 0.0 or waited >= EVERY:
+                    loop.update()
         return self._commands, self._cut

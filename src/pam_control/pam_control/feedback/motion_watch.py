@@ -88,7 +88,9 @@ class OscillationWatch:
         if self._excess >= threshold and self._oscillates(time, threshold, peak_speed):
             peak = max(self._peak, self._before)
             return f"the joint oscillates (speed error {peak:.2g} rad/s)"
-        return self.too_fast(speed, ALARM_RATIO * peak_speed)
+        if abs(speed) > ALARM_SHARE * self._max_velocity:
+            return self.too_fast(speed, ALARM_RATIO * peak_speed)
+        return ""
 
     def _oscillates(self, time: float, threshold: float, peak_speed: float) -> bool:
         # the half period that is going on counts once it is as large as the one before

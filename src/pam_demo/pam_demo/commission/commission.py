@@ -9,17 +9,19 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, Final
 
+from pam_demo.commission.commissioned import Commissioned
+from pam_demo.commission.exchange import Confirm, Mend, nobody
 from pam_demo.commission.kept import Kept
 from pam_demo.commission.lower_priority import Compute, at_lower_priority, at_same_priority
 from pam_demo.commission.page import write_page
 from pam_demo.commission.robot_port import RobotPort
-from pam_demo.commission.sequence import Ask, Commissioned, Commissioning
+from pam_demo.commission.sequence import Ask, Commissioning
 from pam_demo.commission.simulated_port import SimulatedPort
 from pam_demo.commission.tracking import Tracked
 from pam_gap.calibration.answer import comments, to_json
@@ -51,13 +53,22 @@ def one_joint(partial: PartialRig, name: str) -> PartialRig:
     return replace(partial, rig=replace(rig, joints=(joint,), muscles=muscles))
 
 
+def _answered(text: str) -> bool:
+    try:
+        return input(f"{text} [y/N] ").strip().lower() in YES
+    except EOFError:
+        return False
+
+
 def asked_on_terminal(what: str) -> bool:
     """Ask a person whether the next step may be done; no answer is a no."""
     print(f"Next: {what}. Keep away from the arm.", flush=True)
-    try:
-        return input("Go on? [y/N] ").strip().lower() in YES
-    except EOFError:
-        return False
+    return _answered("Go on?")
+
+
+def confirmed_on_terminal(_: Mend, text: str) -> bool:
+    """Ask a person whether something is so; no answer is a no."""
+    return _answered(text)
 
 
 def _tracked(one: Tracked | None) -> dict[str, Any] | None:
@@ -71,15 +82,24 @@ def _tracked(one: Tracked | None) -> dict[str, Any] | None:
     }
 
 
+def _finite(values: Sequence[float]) -> list[float | None]:
+    return [value if math.isfinite(value) else None for value in values]
+
+
 def to_document(joint: str, done: Commissioned) -> dict[str, Any]:
     """The content of commission.json."""
     return {
         "joint": joint,
         "ended": done.ended,
+        "exchanged": done.exchanged,
         "seconds": done.seconds,
         "steps": [asdict(step) for step in done.steps],
         "gains": done.gains,
         "tracking": {"before": _tracked(done.before), "after": _tracked(done.after)},
+        "expected": None
+        if done.expected is None
+        else {"rms": _finite(done.expected.errors), "unit": "rad"},
+        "doubt": done.doubt,
         "calibration": None if done.calibration is None else to_json(done.calibration),
     }
 
@@ -120,6 +140,7 @@ def commission(
     said: Said,
     ask: Ask,
     compute: Compute = at_same_priority,
+    confirm: Confirm = nobody,
 ) -> Commissioned:
     """Commission one joint on a port, and write the results.
 
@@ -141,6 +162,8 @@ def commission(
         Whether the next step may be done.
     compute : callable
         Calls what takes seconds between two motions.
+    confirm : callable
+        Whether a person says that something is exchanged, or mended.
     """
 
     def tell(line: str) -> None:
@@ -148,12 +171,17 @@ def commission(
 
     kept = Kept(out, task)
     alone = one_joint(partial, name)
-    done = Commissioning(port, alone, said, kept, tell, ask, compute).run()
+    done = Commissioning(port, alone, said, kept, tell, ask, compute, confirm).run()
     compute(lambda: write_results(partial, name, done, out))
     return done
 
 
-def run(given: Arguments, open_port: OpenPort, ask: Ask = asked_on_terminal) -> Outcome:
+def run(
+    given: Arguments,
+    open_port: OpenPort,
+    ask: Ask = asked_on_terminal,
+    confirm: Confirm = confirmed_on_terminal,
+) -> Outcome:
     """Commission a joint; the command of `pam_demo.__main__`.
 
     Parameters
@@ -162,8 +190,8 @@ def run(given: Arguments, open_port: OpenPort, ask: Ask = asked_on_terminal) -> 
         Of the command line.
     open_port : callable
         Opens the port to a robot on ROS topics.
-    ask : callable
-        Asks a person.
+    ask, confirm : callable
+        Ask a person; with `--yes` every step is allowed, and nothing is confirmed.
 
     Raises
     ------
@@ -177,6 +205,7 @@ def run(given: Arguments, open_port: OpenPort, ask: Ask = asked_on_terminal) -> 
     if not given.yes and not sys.stdin.isatty():
         raise PamError("commission asks before every step: start it on a terminal, or give --yes")
     asked: Ask = (lambda _: True) if given.yes else ask
+    person = nobody if given.yes else confirm
     period = 1.0 / given.rate
     robot = f"robot {given.namespace}"
     if given.simulate is not None:
@@ -184,10 +213,17 @@ def run(given: Arguments, open_port: OpenPort, ask: Ask = asked_on_terminal) -> 
     task = "\n".join([name, repr(said), repr(period), robot, path.read_text(encoding="utf-8")])
     if given.simulate is not None:
         true = one_joint(PartialRig(load_rig(given.simulate)), name).rig
-        done = commission(SimulatedPort(true, period), partial, name, task, given.out, said, asked)
+        done = commission(
+            SimulatedPort(true, period), partial, name, task, given.out, said, asked,
+            confirm=person,
+        )  # fmt: skip
     else:
         with open_port(partial.rig, name, period, given.namespace) as port:
-            done = commission(port, partial, name, task, given.out, said, asked, at_lower_priority)
+            done = commission(
+                port, partial, name, task, given.out, said, asked, at_lower_priority, person
+            )
     print(f"written: {given.out}")
+    if done.doubt:
+        print(done.doubt)
     bad = [done.ended] if done.ended else []
     return Outcome({"out": given.out, **to_document(name, done)}, bad)

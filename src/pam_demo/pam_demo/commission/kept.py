@@ -32,6 +32,8 @@ class Kept:
     ----------
     checked : bool
         Whether the start-up check was passed.
+    exchanged : str
+        What the rig file describes otherwise than it was written (`exchange.Mend`); or empty.
     seconds : float
         Time of the recordings [s].
     """
@@ -40,7 +42,7 @@ class Kept:
         self.folder = folder
         (folder / RECORDINGS).mkdir(parents=True, exist_ok=True)
         self._digest = hashlib.sha256(task.encode()).hexdigest()
-        self.checked, self.seconds = False, 0.0
+        self.checked, self.exchanged, self.seconds = False, "", 0.0
         self._names: list[str] = []
         path = folder / STATE
         if path.is_file():
@@ -48,6 +50,7 @@ class Kept:
                 state = json.loads(path.read_text(encoding="utf-8"))
                 if state["task"] == self._digest:
                     self.checked = bool(state["checked"])
+                    self.exchanged = str(state.get("exchanged", ""))
                     self.seconds = float(state["seconds"])
                     self._names = [str(name) for name in state["recordings"]]
 
@@ -55,8 +58,8 @@ class Kept:
         return self.folder / RECORDINGS / f"{name}.csv"
 
     def _write(self) -> None:
-        state = {"task": self._digest, "checked": self.checked, "seconds": self.seconds,
-                 "recordings": self._names}  # fmt: skip
+        state = {"task": self._digest, "checked": self.checked, "exchanged": self.exchanged,
+                 "seconds": self.seconds, "recordings": self._names}  # fmt: skip
         path = self.folder / STATE
         new = path.with_suffix(".new")
         new.write_text(json.dumps(state, indent=1) + "\n", encoding="utf-8")
@@ -65,6 +68,11 @@ class Kept:
     def check(self) -> None:
         """Remember that the start-up check was passed."""
         self.checked = True
+        self._write()
+
+    def exchange(self, what: str) -> None:
+        """Remember what the rig file describes otherwise than it was written."""
+        self.exchanged = what
         self._write()
 
     def __contains__(self, name: str) -> bool:

@@ -150,8 +150,8 @@ def design(known: Sequence[Known]) -> list[dict[str, float]]:
 def _signs(count: int) -> Array:
     """Ends of `count` numbers, one row for each robot."""
     size = 2 ** math.ceil(math.log2(count + 1))
-    signs: Array = hadamard(size)[:, 1 : count + 1].astype(float)
-    return signs
+    found: Array = hadamard(size)[:, 1 : count + 1].astype(float)
+    return found
 
 
 def _end(one: Known, sign: float) -> float:
@@ -198,8 +198,7 @@ def least_favourable(
         [foreseen(rig, robot, motion, scale, limits, SCREENED).all for robot in robots]
     )
     found = np.minimum(found, 10.0)
-    signs = _signs(len(free))
-    effects = signs.T @ (found[:-1] - found[:-1].mean(axis=0))
+    effects = _signs(len(free)).T @ (found[:-1] - found[:-1].mean(axis=0))
     middle = robots[-1]
     chosen = []
     for column in range(found.shape[1]):

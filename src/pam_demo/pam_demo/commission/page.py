@@ -10,7 +10,8 @@ from typing import Any
 import jinja2
 from matplotlib.figure import Figure
 
-from pam_demo.commission.sequence import Commissioned
+from pam_demo.commission.commissioned import Commissioned
+from pam_demo.commission.expected_tracking import Expected
 from pam_demo.commission.tracking import Tracked
 from pam_gap.answer.page_style import BREAKABLE, PLOT_LOOK, STYLE
 from pam_gap.answer.plots_in_page import picture
@@ -25,13 +26,15 @@ _PAGE = """<!doctype html>
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <title>{{ title }}</title><style>{{ style | safe }}</style></head><body><main>
 <h1>{{ title }}</h1>
-<div class="verdict" style="--verdict: {{ '#c2410c' if ended else '#00798c' }}">
+<div class="verdict" style="--verdict: {{ '#c2410c' if ended or doubt else '#00798c' }}">
 <b>{{ 'Ended' if ended else 'Commissioned' }}</b>{{ ended or summary }}</div>
+{% if exchanged %}<p>{{ exchanged }}</p>{% endif %}
 {% if tests %}<h2>Tracking</h2>
 <div class="wide" tabindex="0"><table><tr><th>rig file</th><th class="n">RMS error [mrad]</th>
 <th class="n">largest [mrad]</th><th>remark</th></tr>
 {% for test in tests %}<tr><td>{{ test.name }}</td><td class="n">{{ test.rms }}</td>
 <td class="n">{{ test.largest }}</td><td>{{ test.remark }}</td></tr>{% endfor %}</table></div>
+{% if expected %}<p class="quiet">{{ expected }}</p>{% endif %}
 {% if plot %}<figure>{{ plot | safe }}</figure>{% endif %}{% endif %}
 {% if steps %}<h2>Steps</h2>
 <div class="wide" tabindex="0"><table><tr><th>motion</th><th class="n">size</th>
@@ -53,6 +56,13 @@ foreseen for the least favourable robot that the numbers permitted then.</p>{% e
 
 def _mrad(value: float) -> str:
     return plain(1e3 * value, 3) if math.isfinite(value) else "-"
+
+
+def _expected(on_robots: Expected | None) -> str:
+    if on_robots is None:
+        return ""
+    ends = f"{_mrad(on_robots.errors[0])} to {_mrad(on_robots.errors[-1])}"
+    return f"On simulated robots that are as identified, the test gives {ends} mrad RMS."
 
 
 def plot_of(before: Tracked | None, after: Tracked | None, width: float) -> Figure:
@@ -99,12 +109,15 @@ def render(joint: str, done: Commissioned) -> str:
     ]
     summary = ""
     if done.after is not None:
-        summary = f"The joint tracks with {_mrad(done.after.rms)} mrad RMS."
+        summary = done.doubt or f"The joint tracks with {_mrad(done.after.rms)} mrad RMS."
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
     return environment.from_string(BREAKABLE + _PAGE).render(
         title=f"Commissioning of {joint}",
         style=STYLE,
         ended=done.ended,
+        doubt=done.doubt,
+        exchanged=done.exchanged,
+        expected=_expected(done.expected),
         summary=summary,
         tests=tests,
         plot=picture(

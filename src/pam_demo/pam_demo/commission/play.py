@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -101,6 +101,24 @@ def _at(times: Array, stamps: Array, values: Array) -> Array:
     new = np.diff(stamps, prepend=-np.inf) > 0.0  # a message is read once more if none is newer
     result: Array = np.interp(times, stamps[new], values[new])
     return result
+
+
+class Finding(NamedTuple):
+    """What a check of valves, hoses and sensors has found.
+
+    Attributes
+    ----------
+    text : str
+        In words.
+    turns_wrong : bool
+        Whether every pulse that turned the joint turned it the wrong way.
+    is_complete : bool
+        Whether the pulse of every muscle turned the joint, and nothing else was found.
+    """
+
+    text: str
+    turns_wrong: bool = False
+    is_complete: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,8 +227,8 @@ def _trial(port: RobotPort, opened: int | None, begin: JointReading) -> tuple[in
     return None, ""
 
 
-def start_up_check(port: RobotPort, rig: Rig) -> tuple[str, ...]:
-    """What the driver's start-up check finds, in full sentences; empty if all is as it should be.
+def start_up_check(port: RobotPort, rig: Rig) -> tuple[Finding, ...]:
+    """What the driver's start-up check finds; empty if all is as it should be.
 
     It needs no more than the rig file of one joint, and says which hose, valve or sensor is at the
     wrong place. While a measurement is missing, all valves vent; the check then repeats its pulse,
@@ -231,13 +249,15 @@ def start_up_check(port: RobotPort, rig: Rig) -> tuple[str, ...]:
         if not reading.known:
             reading = first_reading(port, commands)
         if reading.problem:
-            return (reading.problem,)
+            return (Finding(reading.problem),)
         if reading.time - begin > LONGEST_CHECK:
-            return (f"it has not ended within {LONGEST_CHECK:g} s",)
+            return (Finding(f"it has not ended within {LONGEST_CHECK:g} s"),)
         set_points = check.setpoints(reading.pressures, [reading.position], reading.time)
         reading = port.advance([f * (s or 1.0) for f, s in zip(set_points, scales, strict=True)])
     rest(port, rig, EMPTY)
-    return tuple(map(str, check.findings))
+    wrong = bool(check.turned_right) and not any(check.turned_right.values())
+    complete = len(check.turned_right) == len(check.findings) == len(robot.muscles)
+    return tuple(Finding(str(one), wrong, complete) for one in check.findings)
 
 
 def _sentence(reason: str) -> str:

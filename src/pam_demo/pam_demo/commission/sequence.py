@@ -19,6 +19,24 @@ import pandas as pd
 
 from pam_control.controller import Controller
 from pam_control.references.trajectory import TrajectoryPoint
+from pam_demo.commission.commissioned import Commissioned, SequenceStep
+from pam_demo.commission.exchange import (
+    BY_RIG_FILE,
+    Confirm,
+    CrossedPort,
+    Mend,
+    nobody,
+    question,
+    rewired,
+    said_of,
+    why_not,
+)
+from pam_demo.commission.expected_tracking import (
+    NoisyPort,
+    doubt,
+    expected,
+    noise_of,
+)
 from pam_demo.commission.kept import Kept
 from pam_demo.commission.knowledge import (
     Known,
@@ -31,7 +49,7 @@ from pam_demo.commission.least_favourable import Permitted, least_favourable, pe
 from pam_demo.commission.lower_priority import Compute, at_same_priority
 from pam_demo.commission.motion_loop import scale_of
 from pam_demo.commission.motions import SampledMotion, Scale, filling, staircase, steps
-from pam_demo.commission.play import Played, play, start_up_check, touch
+from pam_demo.commission.play import Finding, Played, play, start_up_check, touch
 from pam_demo.commission.robot_port import RobotPort
 from pam_demo.commission.simulated_port import SimulatedPort
 from pam_demo.commission.tracking import (
@@ -44,7 +62,7 @@ from pam_demo.commission.tracking import (
 )
 from pam_demo.commission.watch import STOOD_STILL, Limits
 from pam_driver.safety.start_up_check import REPETITIONS
-from pam_gap.calibration.calibration import Calibration, calibrate_joint
+from pam_gap.calibration.calibration import calibrate_joint
 from pam_gap.calibration.calibration_rules import CalibrationRules
 from pam_gap.calibration.free_numbers import Said
 from pam_gap.recordings.recording import Recording, from_columns
@@ -77,65 +95,6 @@ TRACKING_SHARES: Final = (0.9, 0.6, 0.9)
 """Shares of the limits that a foreseen tracking test may use: pressure, speed, distance."""
 
 
-@dataclass(slots=True)
-class SequenceStep:
-    """One motion of the sequence, as it was played.
-
-    Attributes
-    ----------
-    motion : str
-        Its name.
-    title : str
-        What it was.
-    share : float
-        Of the motion as it was asked for [-].
-    foreseen, most : tuple of three floats
-        Use of the limits by the least favourable robot, and as it was measured [-]: pressure,
-        speed, distance from the middle of the range.
-    """
-
-    motion: str
-    title: str
-    share: float
-    foreseen: tuple[float, float, float]
-    most: tuple[float, float, float]
-
-
-@dataclass(slots=True)
-class Commissioned:
-    """What a commissioning has found.
-
-    Attributes
-    ----------
-    rig : Rig or None
-        The identified rig of the joint; None if the sequence was ended.
-    ended : str
-        Why it was ended; empty if it was not.
-    steps : list of SequenceStep
-        The motions.
-    calibration : Calibration or None
-        The last identification.
-    points : sequence of TrajectoryPoint
-        The motion of the tracking test.
-    before, after : Tracked or None
-        The tracking test with the numbers as written and as identified.
-    gains : list of dict
-        Designed gains by stiffness [N m/rad].
-    seconds : float
-        Time of the recordings [s].
-    """
-
-    rig: Rig | None = None
-    ended: str = ""
-    steps: list[SequenceStep] = field(default_factory=list)
-    calibration: Calibration | None = None
-    points: Sequence[TrajectoryPoint] = ()
-    before: Tracked | None = None
-    after: Tracked | None = None
-    gains: list[dict[str, float]] = field(default_factory=list)
-    seconds: float = 0.0
-
-
 class EndedError(PamError):
     """Why the sequence ends."""
 
@@ -160,6 +119,8 @@ class Commissioning:
         Whether the next step may be done; it gets the step in words.
     compute : callable
         Calls what takes seconds between two motions.
+    confirm : callable
+        Whether a person says that something is exchanged, or mended.
     """
 
     port: RobotPort
@@ -169,6 +130,7 @@ class Commissioning:
     tell: Tell
     ask: Ask
     compute: Compute = at_same_priority
+    confirm: Confirm = nobody
     result: Commissioned = field(default_factory=Commissioned)
 
     def run(self) -> Commissioned:
@@ -219,21 +181,56 @@ class Commissioning:
         EndedError
             If something is at the wrong place, or the check is not allowed.
         """
-        rig = reaching_limits(self.partial.rig, as_written(self.partial, self.said, FULL))
-        known = as_written(replace(self.partial, rig=rig), self.said, FULL)
-        if self.kept.checked:
-            self.tell("start-up check: passed before")
-            return rig, known
-        self._allowed("open each valve for a moment, and give each muscle a small test pulse")
-        reason = touch(self.port, rig)
-        if reason:
+        if self.kept.exchanged:
+            self._rewire(Mend(self.kept.exchanged))
+        while True:
+            rig = reaching_limits(self.partial.rig, as_written(self.partial, self.said, FULL))
+            known = as_written(replace(self.partial, rig=rig), self.said, FULL)
+            if self.kept.checked:
+                self.tell("start-up check: passed before")
+                return rig, known
+            first, second = rig.joints[0].muscles
+            self._allowed(
+                f"open each valve for a moment, and give {first} and then {second} a small test "
+                "pulse; watch which of them swells"
+            )
+            reason = touch(self.port, rig)
+            findings = (
+                (Finding(reason),)
+                if reason
+                else start_up_check(self.port, easily_turned(rig, known, self.said))
+            )
+            if not findings:
+                self.tell("start-up check: valves, hoses, sensors and encoder belong together")
+                self.kept.check()
+                return rig, known
+            reason = reason or " ".join(f"Start-up check: {one.text}." for one in findings)
+            self._mended(reason, findings[0])
+
+    def _mended(self, reason: str, first: Finding) -> None:
+        """Put right what the start-up check has found, as a person says; or end."""
+        self.tell(reason)
+        by_rig_file = BY_RIG_FILE if first.turns_wrong and not self.kept.exchanged else ()
+        for mend in (*by_rig_file, Mend.AT_ROBOT):
+            if self.confirm(mend, question(self.partial, mend)):
+                break
+        else:
             raise EndedError(reason)
-        findings = start_up_check(self.port, easily_turned(rig, known, self.said))
-        if findings:
-            raise EndedError(" ".join(f"Start-up check: {one}." for one in findings))
-        self.tell("start-up check: valves, hoses, sensors and encoder belong together")
-        self.kept.check()
-        return rig, known
+        if mend in by_rig_file:
+            problem = why_not(self.partial, mend)
+            if problem:
+                raise EndedError(f"{reason} {problem}")
+            self.kept.exchange(mend.value)
+            self._rewire(mend)
+            if first.is_complete:  # with the muscles changed over, all pulses were right
+                self.kept.check()
+
+    def _rewire(self, mend: Mend) -> None:
+        """Go on with a rig file that describes what is exchanged."""
+        self.result.exchanged = said_of(self.partial, mend)
+        self.tell(self.result.exchanged)
+        self.partial = rewired(self.partial, mend)
+        self.port = CrossedPort.of(self.port)
 
     def _made(self, name: str, scale: Scale) -> SampledMotion:
         return {
@@ -346,6 +343,22 @@ class Commissioning:
         self.kept.track("before", result.before.table)
         if result.after.stopped:
             raise EndedError(f"tracking test: {result.after.stopped}")
+        self._judge(lambda simulated: track(simulated, controller, points, limits))
+
+    def _judge(self, test: Callable[[NoisyPort], Tracked]) -> None:
+        """Whether the joint tracks as it should with the numbers that were identified."""
+        result = self.result
+        assert result.rig is not None
+        assert result.calibration is not None
+        assert result.after is not None
+        assert result.calibration.posterior is not None
+        noise, posterior = noise_of(result.calibration), result.calibration.posterior
+        result.expected = self.compute(
+            partial(expected, result.rig, posterior, noise, self.port.period, test)
+        )
+        result.doubt = doubt(result.after.rms, result.expected, result.calibration.numbers)
+        if result.doubt:
+            self.tell(result.doubt)
 
     def _simulated(
         self, rig: Rig, controller: Controller, points: Sequence[TrajectoryPoint], limits: Limits

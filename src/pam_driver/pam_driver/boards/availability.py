@@ -25,8 +25,6 @@ class _Share:
         self.pending = 0
 
     def advance(self, part: int) -> None:
-        if part == self.part:
-            return
         follows = part == self.part + 1
         self.available_before = self.available if follows else 0
         self.missing_before = self.missing if follows else 0
@@ -35,9 +33,16 @@ class _Share:
 
 
 class Availability:
-    """The measurements of one board, by input and channel."""
+    """The measurements of one board, by input and channel.
+
+    Attributes
+    ----------
+    has_missed : bool
+        Whether a measurement was ever missing between others; until then, every share is 0.
+    """
 
     def __init__(self) -> None:
+        self.has_missed = False
         self._shares: dict[tuple[str, int | str], _Share] = {}
 
     def hear(self, what: str, channel: int | str, available: bool, time: float) -> None:
@@ -60,16 +65,22 @@ class Availability:
         if not available:  # it counts when a value follows; until then the last one becomes old
             share.pending += 1
             return
-        share.advance(int(time / _PART))
+        part = int(time / _PART)
+        if part != share.part:
+            share.advance(part)
         share.available += 1
-        share.missing += share.pending
-        share.pending = 0
+        if share.pending:
+            share.missing += share.pending
+            share.pending = 0
+            self.has_missed = True
 
     def missing_share(self, what: str, channel: int | str, now: float) -> float:
         """The share of measurements that were missing between others, in the last `WINDOW`."""
         share = self._shares.get((what, channel))
         if share is None:
             return 0.0
-        share.advance(int(now / _PART))
+        part = int(now / _PART)
+        if part != share.part:
+            share.advance(part)
         missing = share.missing + share.missing_before
         return missing / (missing + share.available + share.available_before) if missing else 0.0

@@ -53,7 +53,7 @@ class LoopWatch:
     @property
     def delay(self) -> float:
         """Sum of the ages now [s]; ages that are unknown count as zero."""
-        trips = [trip for trip in self.round_trips.values() if math.isfinite(trip)]
+        trips = [trip for trip in self.round_trips.values() if -math.inf < trip < math.inf]
         return max(trips, default=0.0) + self.measurement_age + self.command_age
 
     @property

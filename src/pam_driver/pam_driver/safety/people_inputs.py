@@ -20,7 +20,7 @@ section 9.2
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Final
 
 from pam_driver.boards.protocol import (
@@ -38,6 +38,7 @@ from pam_model.errors import RigError
 if TYPE_CHECKING:
     from pam_model.rig import People
 
+_PERMITS: Final = Sample(1.0)
 FULL_SPEED: Final = "full_speed"
 """The name of the input that permits full speed."""
 _WORDS: Final = {
@@ -106,7 +107,8 @@ class PeopleInputs:
     def hear_board(self, board: Board) -> None:
         """Keep what the inputs of a board forbid before its next frame replaces it."""
         for name in _WORDS:
-            self._kept.keep(self._forbidding_board(name, board))
+            if board.inputs.get(name, _PERMITS).value != 1.0:
+                self._kept.keep((_forbidden_by(name, board),))
 
     def judged(self) -> None:
         """Forget what was forbidden in passing: the driver has acted on it."""
@@ -114,12 +116,11 @@ class PeopleInputs:
 
     def pressed(self, now: float) -> tuple[Condition, ...]:
         """The emergency stops that are pressed: latched faults in every state."""
-        return tuple(self._forbidding(EMERGENCY_STOP))
+        return self._forbidding(EMERGENCY_STOP)
 
-    def conditions(self, now: float) -> Iterator[Condition]:
+    def conditions(self, now: float) -> Sequence[Condition]:
         """An emergency stop without messages: it prevents activation, and is a fault in motion."""
-        yield from self._forbidding(EMERGENCY_STOP)
-        yield from self._silent(EMERGENCY_STOP, now)
+        return (*self._forbidding(EMERGENCY_STOP), *self._silent(EMERGENCY_STOP, now))
 
     def not_enabled(self, now: float) -> str:
         """Why the enabling switch forbids motion, or forbade it since the last judgement.
@@ -137,43 +138,42 @@ class PeopleInputs:
         """Whether the joints must be at the reduced speed, since they had time to brake."""
         return now >= self._full_speed_until + self._slowing_time
 
-    def _forbidding(self, name: str) -> Iterator[Condition]:
+    def _forbidding(self, name: str) -> tuple[Condition, ...]:
         """The sources that forbid motion, or did so since the last judgement."""
         found = [
-            condition
+            _forbidden_by(name, board)
             for board in self._boards.values()
-            for condition in self._forbidding_board(name, board)
+            if (sample := board.inputs.get(name)) is not None and sample.value != 1.0
         ]
         found += self._forbidding_topic(name)
-        yield from self._kept.added_to(found, name)
+        return self._kept.added_to(found, name)
 
-    def _forbidding_board(self, name: str, board: Board) -> Iterator[Condition]:
-        """Whether the last value of an input of a board forbids motion."""
-        text, word = _WORDS[name]
-        sample = board.inputs.get(name)
-        if sample is None or sample.value == 1.0:
-            return
-        if math.isnan(sample.value):
-            text = (
-                f"it had an input for the {word} and reports none now; if it has none, clean "
-                "up and configure the driver"
-            )
-        yield Condition(name, board.name, text)
-
-    def _forbidding_topic(self, name: str) -> Iterator[Condition]:
+    def _forbidding_topic(self, name: str) -> tuple[Condition, ...]:
         """Whether the last message of the topic of an input forbids motion."""
         told = self._topics.get(name)
         if told is not None and told.time > NEVER and told.value != 1.0:
-            yield Condition(name, "topic", _WORDS[name][0])
+            return (Condition(name, "topic", _WORDS[name][0]),)
+        return ()
 
-    def _silent(self, name: str, now: float) -> Iterator[Condition]:
+    def _silent(self, name: str, now: float) -> list[Condition]:
         """The sources on which the rig file insists, and that are missing or too old."""
-        _, word = _WORDS[name]
-        text = f"no {word} for {self._deadline:g} s"
-        address = self._wanted[name]
+        silent, address = [], self._wanted[name]
         if address is not None:
             board = self._boards[address]
             if now - board.inputs.get(name, Sample()).time > self._deadline:
-                yield Condition(name, board.name, text)
+                silent.append(board.name)
         if name in self._topics and now - self._topics[name].time > self._deadline:
-            yield Condition(name, "topic", text)
+            silent.append("topic")
+        text = f"no {_WORDS[name][1]} for {self._deadline:g} s" if silent else ""
+        return [Condition(name, source, text) for source in silent]
+
+
+def _forbidden_by(name: str, board: Board) -> Condition:
+    """That the last value of an input of a board does not permit motion."""
+    text, word = _WORDS[name]
+    if math.isnan(board.inputs[name].value):
+        text = (
+            f"it had an input for the {word} and reports none now; if it has none, clean "
+            "up and configure the driver"
+        )
+    return Condition(name, board.name, text)

@@ -70,8 +70,10 @@ class _MuscleObserver:
         self.muscle = muscle
         self.residual = 0.0
         self.limit = pressure_residual(robot, muscle)
+        self.pair_limit = PAIR_SHARE * self.limit
         self.restarts = 0
         self._gas = ExpectedPressure(robot, muscle, period)
+        self.behind_tube = self._gas.behind_tube
         self._state = self._gas.init()
         self._ambient = robot.gas.ambient_pressure
         self._period = period
@@ -91,8 +93,8 @@ class _MuscleObserver:
         velocities: Sequence[float],
         supply: float,
     ) -> None:
-        state, acting = self._gas.delayed(self._state, command)
-        self._state = state
+        self._state, acting = self._gas.delayed(self._state, command)
+        state = self._state
         measured = pressure + self._ambient
         known = math.isfinite(measured)
         if not known and self._gap + self._period > LONGEST_GAP + 1e-9:
@@ -114,11 +116,6 @@ class _MuscleObserver:
         self._state = state.corrected(correction)
 
     @property
-    def behind_tube(self) -> bool:
-        """Whether the rig file names a tube."""
-        return self._gas.behind_tube
-
-    @property
     def inside(self) -> float:
         """Pressure in the muscle behind its tube [Pa gauge]; NaN before the first measurement."""
         return self._state.inside - self._ambient
@@ -133,7 +130,7 @@ class _JointBalance:
         self.muscles = joint.muscles
         # its direction at rest is unknown: an imbalance up to this torque is not a deviation
         self._dry_friction = dry_friction_at_rest(joint)
-        self.scale = torque_scale(robot, joint)
+        self.limit = robot.plausibility.torque_share * torque_scale(robot, joint)
         self._velocity = math.nan
         self._settled = 0.0
 
@@ -152,7 +149,7 @@ class _JointBalance:
         joint = self.joint
         weight = 1.0 - math.exp(-elapsed / TORQUE_MEMORY)
         low, high = joint.position_limits
-        known = sum(pressures[place] for place in self.muscles)
+        known = sum([pressures[place] for place in self.muscles])
         if not low + _END_STOP < positions[joint.place] < high - _END_STOP or math.isnan(known):
             self.restart()
             return
@@ -204,7 +201,7 @@ class PressurePlausibility:
     @property
     def restarts(self) -> int:
         """How often the observer of any muscle has restarted after a gap."""
-        return sum(muscle.restarts for muscle in self._muscles)
+        return sum([muscle.restarts for muscle in self._muscles])
 
     def restart(self) -> None:
         """Restart all observers, after a pause in which nothing was measured or commanded."""
@@ -238,9 +235,9 @@ class PressurePlausibility:
         """
         pressures = self._correction.pressures(pressures)
         positions = self._correction.positions(positions)
-        for place, pose in enumerate(zip(positions, velocities, strict=True)):
-            if not math.isnan(sum(pose)):
-                self._positions[place], self._velocities[place] = pose
+        for place, (position, velocity) in enumerate(zip(positions, velocities, strict=True)):
+            if not math.isnan(position + velocity):
+                self._positions[place], self._velocities[place] = position, velocity
         for index, muscle in enumerate(self._muscles):
             if math.isfinite(pressures[index]):
                 self._pressures[index], self._ages[index] = pressures[index], 0.0
@@ -257,7 +254,7 @@ class PressurePlausibility:
                 self._pressures[index] = muscle.inside
         for place, joint in enumerate(self._joints):
             self._counts[place] += 1
-            age = max(self._ages[index] for index in joint.muscles)
+            age = max([self._ages[index] for index in joint.muscles])
             elapsed = self._counts[place] * self.period
             if age > LONGEST_GAP:
                 joint.restart()
@@ -266,31 +263,38 @@ class PressurePlausibility:
                 joint.update(self._pressures, positions, velocities[place], elapsed)
                 self._counts[place] = 0
 
-    def deviations(self) -> Iterator[Deviation]:
+    def deviations(self) -> list[Deviation]:
         """The deviations above the warning share of their limit."""
-        limits = self._limits
-        pairs = self._opposite_residuals()
+        found: list[Deviation] = []
+        share = self._limits.warning_share
+        # a muscle below this share of both its limits has none, however the other one deviates
+        if any(abs(muscle.residual) / muscle.pair_limit > share for muscle in self._muscles):
+            found += self._of_pressures()
+        for joint in self._joints:
+            size = abs(joint.imbalance) / joint.limit
+            if size > share:
+                text = (
+                    f"pressures and motion disagree by {joint.imbalance:+.2f} N m "
+                    f"(limit {joint.limit:.2f} N m): sensor or load"
+                )
+                found.append(Deviation("torque_implausible", joint.joint.name, size, text))
+        return found
+
+    def _of_pressures(self) -> Iterator[Deviation]:
+        """The deviations of the gas."""
+        share, pairs = self._limits.warning_share, self._opposite_residuals()
         for muscle, opposite in zip(self._muscles, pairs, strict=True):
             size = abs(muscle.residual) / muscle.limit
             limit, cause = muscle.limit, "leak, valve or sensor"
-            pair_limit = PAIR_SHARE * muscle.limit
-            if opposite / pair_limit > max(size, limits.warning_share):
-                size, limit = opposite / pair_limit, pair_limit
+            if opposite / muscle.pair_limit > max(size, share):
+                size, limit = opposite / muscle.pair_limit, muscle.pair_limit
                 cause = "the other muscle of the joint the other way: hoses, sensors or encoder"
-            if size > limits.warning_share:
+            if size > share:
                 text = (
                     f"pressure deviates by {muscle.residual:+.0f} Pa from what the valve command "
                     f"should cause (limit {limit:.0f} Pa): {cause}"
                 )
                 yield Deviation("pressure_implausible", muscle.muscle.name, size, text)
-        for joint in self._joints:
-            size = abs(joint.imbalance) / (limits.torque_share * joint.scale)
-            if size > limits.warning_share:
-                text = (
-                    f"pressures and motion disagree by {joint.imbalance:+.2f} N m "
-                    f"(limit {limits.torque_share * joint.scale:.2f} N m): sensor or load"
-                )
-                yield Deviation("torque_implausible", joint.joint.name, size, text)
 
     def _opposite_residuals(self) -> list[float]:
         """By muscle, by how much both muscles of its joint deviate in opposite directions [Pa]."""

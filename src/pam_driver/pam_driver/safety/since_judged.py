@@ -8,7 +8,7 @@ passes its content to this object before the next message or frame replaces it.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 
 from pam_driver.boards.protocol import Condition
 
@@ -24,7 +24,7 @@ class SinceJudged:
         for condition in found:
             self._kept.setdefault(condition[:2], condition)
 
-    def added_to(self, found: Iterable[Condition], *kinds: str) -> Iterator[Condition]:
+    def added_to(self, found: Iterable[Condition], *kinds: str) -> tuple[Condition, ...]:
         """What holds now, and then what held since the last judgement.
 
         Parameters
@@ -35,13 +35,15 @@ class SinceJudged:
             The kinds that are wanted of those that were kept; all if none is given.
         """
         kept = tuple(self._kept.values())  # in one step: other threads may keep more
-        seen = set()
-        for condition in found:
-            seen.add(condition[:2])
-            yield condition
-        for condition in kept:
-            if condition[:2] not in seen and (not kinds or condition.kind in kinds):
-                yield condition
+        now = tuple(found)
+        if not kept:
+            return now
+        seen = {condition[:2] for condition in now}
+        return now + tuple(
+            condition
+            for condition in kept
+            if condition[:2] not in seen and (not kinds or condition.kind in kinds)
+        )
 
     def judged(self) -> None:
         """Forget what was kept; the driver has acted on it."""

@@ -113,6 +113,8 @@ class StartUpCheck:
         By muscle.
     findings : tuple of Condition
         What was found, one line each; empty if everything is healthy so far.
+    turned_right : dict of str to bool
+        By muscle whose own pressure rose while a joint turned: whether it turned the right way.
     """
 
     def __init__(self, robot: Robot, vents: Sequence[float], period: float = 0.002) -> None:
@@ -132,6 +134,7 @@ class StartUpCheck:
     def start(self, now: float) -> None:
         """Begin with the first muscle."""
         self.findings: tuple[Condition, ...] = ()
+        self.turned_right: dict[str, bool] = {}
         self._muscle = self._pauses = 0
         self._cycle_at = now
         self._still_pressures: tuple[float, ...] = ()
@@ -267,6 +270,8 @@ class StartUpCheck:
         wrong = self._sign * turn < -SEEN_TURN
         valve, sensor = _valve(self, muscle), _sensor(self, muscle)
         own = risen[muscle] >= enough
+        if own and (right or wrong):
+            self.turned_right[names[muscle]] = right
         if others and not own:
             other = names[others[0]]
             both = f"the {sensor} and the {_sensor(self, others[0])} ({other})"

@@ -18,6 +18,9 @@ from typing import Final, NamedTuple
 class SafetyState(Enum):
     """State of the driver; the topic and the diagnostics show the value."""
 
+    # of the one object that each member is: Enum's own hash is a call of Python in every look-up
+    __hash__ = object.__hash__
+
     UNCONFIGURED = "unconfigured"
     VENTING = "venting"
     VENTED = "vented"
@@ -31,6 +34,8 @@ class SafetyState(Enum):
 
 class SafetyEvent(Enum):
     """Events that may change the state."""
+
+    __hash__ = object.__hash__  # as of `SafetyState`
 
     CONFIGURE = "configure"
     EMPTY = "all muscles empty"

@@ -1,6 +1,6 @@
 """The driver's states and stop categories as docs/safety_tables.md shows them.
 
-The page is written by `pam sim fault-tables docs/safety_tables.md`; a test compares the
+The page is written by `pam check fault-tables docs/safety_tables.md`; a test compares the
 two. The diagram is Mermaid text, which code hosts and most Markdown viewers draw.
 """
 

@@ -161,10 +161,12 @@ class ValveCommandIntake:
             raise CommandRefusedError("out_of_order", "older than the previous command")
 
     def _fraction(self, index: int, value: float) -> float:
+        lowest, highest, scale, unit = self._scale[index]
+        if lowest <= value <= highest:
+            return value / scale
         name = self._format.names[index]
         if not math.isfinite(value):
             raise CommandRefusedError("not_finite", f"{name}: {value} is not a finite number")
-        lowest, highest, scale, unit = self._scale[index]
         if not within(value, lowest, highest):
             told, low, high = beyond(value, lowest, highest)
             raise CommandRefusedError(

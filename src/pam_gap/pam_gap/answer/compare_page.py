@@ -8,19 +8,19 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import jinja2
 import numpy as np
 from matplotlib.figure import Figure
 
 from pam_gap.answer.compare import (
+    Difference,
     GapRow,
     JointComparison,
-    Row,
     compare,
     letter,
     read_answers,
 )
-from pam_gap.answer.page_style import STYLE, VERDICT_WORDS
+from pam_gap.answer.html_page import html_page, marked_up
+from pam_gap.answer.page_style import VERDICT_WORDS
 from pam_gap.answer.plots_in_page import is_narrow, picture
 from pam_gap.answer.user_units import interval_digits, plain, spoken, told, user_unit
 from pam_model.command_line import Arguments, Outcome
@@ -29,17 +29,13 @@ from pam_model.reading import reading
 PAGE = "compare.html"
 _COLOURS = ("#c2410c", "#00798c", "#6b46c1", "#4a5568", "#b7791f")
 LOOK = {"font.size": 9}
+RETUNED = "re-tuned"
 HOW = (
     "A change is more than noise if it exceeds 1.96 standard deviations (z-test of the difference, "
     "5 %). Standard deviations follow from the halves of the 90 % intervals that face each other."
 )
 
-_PAGE = """<!doctype html>
-<html lang="en"><head><meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<title>Comparison of diagnoses</title>
-<style>{{ style | safe }}</style></head><body><main>
-<h1>Comparison of {{ names | length }} diagnoses</h1>
+_BODY = """
 <p>{% for name in names %}<b>{{ letters[loop.index0] }}</b>: {{ name }}<br>{% endfor %}</p>
 {% for joint in joints %}
 <h2>{{ joint.name }}</h2>
@@ -53,30 +49,14 @@ _PAGE = """<!doctype html>
 {{ answer.sentence }}</p>{% endfor %}
 {% if joint.picture %}<h3>Size of the gap</h3>
 {{ joint.picture | safe }}
-<div class="wide" tabindex="0"><table>
-<tr><th>channel</th><th>error</th>
-{% for _ in names %}<th class="n">{{ letters[loop.index0] }}</th>{% endfor %}</tr>
-{% for row in joint.gaps %}<tr><td>{{ row.channel }}</td><td>{{ row.kind }}</td>
-{% for cell in row.cells %}<td class="n">{{ cell }}</td>{% endfor %}</tr>{% endfor %}
-</table></div>
+{{ table(['channel', 'error'] + of_numbers, joint.gaps) }}
 <p class="quiet">RMS errors of predictions on held-out data, without the part that noise causes,
-with
-the rig file of each diagnosis. They have no intervals, and depend on the motion, too.</p>{%
-endif %}
+with the rig file of each diagnosis. They have no intervals, and depend on the motion,
+too.</p>{% endif %}
 {% if joint.rows %}<h3>Parameters</h3>
-<div class="wide" tabindex="0"><table>
-<tr><th>effect</th><th>parameter</th>
-{% for _ in names %}<th class="n">{{ letters[loop.index0] }}</th>{% endfor %}
-{% for _ in names[1:] %}<th>{{ letters[loop.index] }} against A</th>{% endfor %}</tr>
-{% for row in joint.rows %}<tr><td>{{ row.effect }}</td><td>{{ row.parameter }}</td>
-{% for cell in row.cells %}<td class="n">{{ cell }}</td>{% endfor %}
-{% for d in row.differences %}<td style="min-width: 11em">
-{% if d.sure %}<b>{{ d.words }}</b>{% else %}{{ d.words }}{% endif %}</td>{% endfor %}</tr>
-{% endfor %}
-</table></div>
+{{ table(['effect', 'parameter'] + of_numbers + against, joint.rows) }}
 <p class="quiet">Values with their 90 % intervals. {{ how }}</p>{% endif %}
 {% endfor %}
-</main></body></html>
 """
 
 
@@ -114,15 +94,11 @@ def draw_gaps(gaps: Sequence[GapRow], width: float) -> Figure:
     return figure
 
 
-def _gap_cells(row: GapRow) -> list[dict[str, Any]]:
+def _gap_rows(row: GapRow) -> list[tuple[str, ...]]:
     return [
-        {
-            "channel": row.channel,
-            "kind": words,
-            "cells": ["-" if s is None else told(s[key], row.unit) for s in row.sizes],
-        }
+        (row.channel, words, *("-" if s is None else told(s[key], row.unit) for s in row.sizes))
         for key, words in (
-            ("before", "as written"), ("retuned", "re-tuned"), ("after", "with the answer"),
+            ("before", "as written"), ("retuned", RETUNED), ("after", "with the answer"),
         )
     ]  # fmt: skip
 
@@ -141,11 +117,14 @@ def _alt(joint: JointComparison) -> str:
 
 def render(joints: Sequence[JointComparison], names: Sequence[str]) -> str:
     """Return the page as text; `names`: what the user called each diagnosis."""
-    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
-    return environment.from_string(_PAGE).render(
-        style=STYLE,
+    letters = [letter(k) for k in range(len(names))]
+    return html_page(
+        f"Comparison of {len(names)} diagnoses",
+        _BODY,
         names=list(names),
-        letters=[letter(k) for k in range(len(names))],
+        letters=letters,
+        of_numbers=[f"#{name}" for name in letters],
+        against=[f"{name} against A" for name in letters[1:]],
         how=HOW,
         joints=[
             {
@@ -162,21 +141,25 @@ def render(joints: Sequence[JointComparison], names: Sequence[str]) -> str:
                 "picture": picture(partial(draw_gaps, joint.gaps), _alt(joint), LOOK)
                 if joint.gaps
                 else "",
-                "gaps": [cells for row in joint.gaps for cells in _gap_cells(row)],
-                "rows": [_row(row) for row in joint.parameters],
+                "gaps": [cells for row in joint.gaps for cells in _gap_rows(row)],
+                "rows": [
+                    (
+                        spoken(row.effect),
+                        spoken(row.parameter),
+                        *(_cell(value, row.unit) for value in row.values),
+                        *map(_difference, row.differences),
+                    )
+                    for row in joint.parameters
+                ],
             }
             for joint in joints
         ],
     )
 
 
-def _row(row: Row) -> dict[str, Any]:
-    return {
-        "effect": spoken(row.effect),
-        "parameter": spoken(row.parameter),
-        "cells": [_cell(value, row.unit) for value in row.values],
-        "differences": row.differences,
-    }
+def _difference(found: Difference) -> str:
+    words = marked_up("<b>{}</b>", found.words) if found.sure else found.words
+    return marked_up('<div style="min-width: 11em">{}</div>', words)
 
 
 def print_table(joints: Sequence[JointComparison]) -> None:
@@ -196,9 +179,9 @@ def print_table(joints: Sequence[JointComparison]) -> None:
         blank = [""] * (len(letters) - 1)
         table.add_row("verdict", *(str(a.content["verdict"]) for a in joint.answers), *blank)
         for gap in joint.gaps:
-            for cells in _gap_cells(gap):
-                if cells["kind"] != "re-tuned":
-                    table.add_row(f"{gap.channel}, {cells['kind']}", *cells["cells"], *blank)
+            for channel, kind, *cells in _gap_rows(gap):
+                if kind != RETUNED:
+                    table.add_row(f"{channel}, {kind}", *cells, *blank)
         for row in joint.parameters:
             table.add_row(
                 f"{spoken(row.effect)}, {spoken(row.parameter)}",

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from pam_gap.answer.notebook_view import NumberRow, as_frame, as_html
 from pam_gap.answer.provenance import Provenance
@@ -18,10 +17,23 @@ from pam_gap.inference.probabilities import cause_probabilities
 from pam_gap.prediction.gap_figures import GapFigure
 from pam_gap.prediction.locate import Location
 from pam_gap.prediction.materiality import GapSize
+from pam_model.command_line import plain
 from pam_model.rig import Rig
 
 if TYPE_CHECKING:
     import pandas as pd
+
+
+_AS_THEY_ARE: Final = (
+    "verdict", "stage", "effects", "candidates", "indistinguishable", "gap", "closed",
+    "probabilities", "cause_probabilities", "withheld", "next_experiment", "sentence", "joint",
+    "horizons", "repairs", "left_out", "missing", "cautions", "not_shown", "preferred",
+    "looks_like", "ordinary", "facts",
+)  # fmt: skip
+"""What diagnosis.json holds under the names that it has in `Diagnosis`."""
+_OF_A_SIZE: Final = (
+    "motion", "before", "retuned", "after", "limit", "limit_unexplained", "background", "unit",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,77 +214,40 @@ class Diagnosis:
         ]
 
     def to_json(self) -> dict[str, Any]:
-        """The mapping that diagnosis.json holds."""
-        return {
-            "verdict": self.verdict,
-            "stage": self.stage,
-            "effects": list(self.effects),
-            "candidates": [[name, weight] for name, weight in self.candidates],
-            "indistinguishable": [list(group) for group in self.indistinguishable],
-            "parameters": {
-                effect: {
-                    name: asdict(found.interval) | {"unit": found.unit}
-                    for name, found in values.items()
-                }
-                for effect, values in self.parameters.items()
-            },
-            "gap": {name: asdict(gap) for name, gap in self.gap.items()},
-            "closed": None if self.closed is None else asdict(self.closed),
-            "probabilities": dict(self.probabilities),
-            "cause_probabilities": self.cause_probabilities,
-            "withheld": self.withheld,
-            "at_the_end_of_their_range": list(self.at_the_end),
-            "next_experiment": self.next_experiment,
-            "sentence": self.sentence,
-            "joint": self.joint,
-            "ranking": [
-                {
-                    "effects": list(entry.effects),
-                    "label": entry.label or " + ".join(entry.effects),
-                    "weight": entry.weight,
-                    "remaining": asdict(entry.remaining),
-                    "note": entry.note,
-                    "level": entry.level,
-                    "over_floor": list(entry.over_floor),
-                }
-                for entry in self.ranking
-            ],
-            "stages": []
-            if self.location is None
-            else [asdict(stage) for stage in self.location.stages],
-            "delays": {} if self.location is None else dict(self.location.delays),
-            "regimes": {} if self.location is None else dict(self.location.regimes),
-            "horizons": [asdict(figure) for figure in self.horizons],
-            "provenance": None if self.provenance is None else self.provenance.to_json(),
-            "repairs": list(self.repairs),
-            "left_out": list(self.left_out),
-            "missing": list(self.missing),
-            "cautions": list(self.cautions),
-            "not_shown": list(self.not_shown),
-            "preferred": self.preferred,
-            "looks_like": self.looks_like,
-            "ordinary": list(self.ordinary),
-            "leftover": self.leftover(),
-            "materiality": {
-                "limit": self.material_share,
-                "limit_unexplained": self.unexplained_share,
-                "material": any(size.is_material for size in self.sizes),
-                "channels": {
-                    size.channel: {
-                        "motion": size.motion,
-                        "before": size.before,
-                        "retuned": size.retuned,
-                        "after": size.after,
-                        "limit": size.limit,
-                        "limit_unexplained": size.limit_unexplained,
-                        "background": size.background,
-                        "unit": size.unit,
+        """The mapping that diagnosis.json holds; numbers that are not finite are None."""
+        where = self.location
+        document: dict[str, Any] = plain(
+            {name: getattr(self, name) for name in _AS_THEY_ARE}
+            | {
+                "parameters": {
+                    effect: {
+                        name: asdict(found.interval) | {"unit": found.unit}
+                        for name, found in values.items()
                     }
-                    for size in self.sizes
+                    for effect, values in self.parameters.items()
                 },
-            },
-            "facts": dict(self.facts),
-        }
+                "at_the_end_of_their_range": self.at_the_end,
+                "ranking": [
+                    asdict(entry) | {"label": entry.label or " + ".join(entry.effects)}
+                    for entry in self.ranking
+                ],
+                "stages": () if where is None else where.stages,
+                "delays": {} if where is None else dict(where.delays),
+                "regimes": {} if where is None else dict(where.regimes),
+                "provenance": None if self.provenance is None else self.provenance.to_json(),
+                "leftover": self.leftover(),
+                "materiality": {
+                    "limit": self.material_share,
+                    "limit_unexplained": self.unexplained_share,
+                    "material": any(size.is_material for size in self.sizes),
+                    "channels": {
+                        size.channel: {name: getattr(size, name) for name in _OF_A_SIZE}
+                        for size in self.sizes
+                    },
+                },
+            }
+        )
+        return document
 
     def leftover(self) -> dict[str, Any] | None:
         """What the answer does not explain, in the channel where it is largest; None without data.
@@ -293,15 +268,5 @@ class Diagnosis:
         }
 
     def write(self, path: Path) -> None:
-        """Write diagnosis.json; numbers that are not finite become null."""
-        path.write_text(json.dumps(_finite(self.to_json()), indent=1) + "\n", encoding="utf-8")
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {key: _finite(entry) for key, entry in value.items()}
-    if isinstance(value, list):
-        return [_finite(entry) for entry in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
+        """Write diagnosis.json."""
+        path.write_text(json.dumps(self.to_json(), indent=1) + "\n", encoding="utf-8")

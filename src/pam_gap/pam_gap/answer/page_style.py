@@ -17,10 +17,10 @@ PLOT_LOOK: Final[dict[str, Any]] = {
 
 STYLE = """
  :root { color-scheme: light dark; --ink: #1c1c1c; --quiet: #555; --paper: #fff; --box: #f4f4f4;
-         --line: #ccc; --edge: #8886; }
+         --line: #ccc; --edge: #8886; --good: #1a7f4b; --bad: #b3261e; }
  @media (prefers-color-scheme: dark) {
   :root { --ink: #eee; --quiet: #b5b5b5; --paper: #16181b; --box: #24272b; --line: #4a4f55;
-          --edge: #aaa6; } }
+          --edge: #aaa6; --good: #5fd394; --bad: #ff8f86; } }
  body { font: 16px/1.5 system-ui, sans-serif; max-width: 62rem; margin: 2rem auto; padding: 0 1rem;
         color: var(--ink); background: var(--paper); overflow-wrap: anywhere; }
  .verdict { border-left: .5rem solid var(--verdict, #6b7280); background: var(--box);
@@ -51,7 +51,7 @@ STYLE = """
         print-color-adjust: exact; background: #00798c; border-radius: .15rem; min-width: 1px; }
  .origin td { overflow-wrap: anywhere; }
  code { background: var(--box); padding: 0 .25rem; }
- .quiet { color: var(--quiet); }
+ .quiet { color: var(--quiet); } .good { color: var(--good); } .bad { color: var(--bad); }
  @media (max-width: 40rem) { body { margin: .6rem auto; padding: 0 .7rem; }
   table { font-size: .78rem; } td, th { padding-right: .5rem; }
   td:first-child { min-width: 5.5rem; }

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
 from textwrap import wrap
 from typing import Any
 
@@ -30,27 +29,6 @@ STAGE_FLOW = {
 }
 
 
-@dataclass(frozen=True)
-class RankedCandidate:
-    """Share of the gap that a candidate leaves on held-out data, with its 90 % interval."""
-
-    effect: str
-    weight: float
-    remaining: float
-    low: float
-    high: float
-    note: str = ""
-
-
-@dataclass(frozen=True)
-class StageBar:
-    """RMS error over floor of a stage that is simulated from its measured inputs."""
-
-    stage: str
-    gap_over_floor: float | None
-    note: str = ""
-
-
 def _label(name: str, width: float) -> str:
     """A name in as many lines as a narrow figure needs beside its curves."""
     if not is_narrow(width):
@@ -64,7 +42,9 @@ def _figure(width: float, rows: float, per_row: float) -> tuple[Figure, Axes]:
     return figure, figure.subplots()
 
 
-def draw_stages(stages: Sequence[StageBar], blamed: Collection[str], width: float = WIDE) -> Figure:
+def draw_stages(
+    stages: Sequence[Mapping[str, Any]], blamed: Collection[str], width: float = WIDE
+) -> Figure:
     """Draw the chain of stages, each with its gap over floor; only the blamed are coloured.
 
     They stand beside each other or, in a narrow figure, below each other.
@@ -76,11 +56,10 @@ def draw_stages(stages: Sequence[StageBar], blamed: Collection[str], width: floa
     axis.set_xlim(0, length if across else 2.1)
     axis.set_ylim(0 if across else -length + 1.5, 1.5)
     axis.axis("off")
-    known = {s.stage: s for s in stages}
+    known = {s["stage"]: s["gap_over_floor"] for s in stages}
     for i, stage in enumerate(STAGES):
         x, y = (2.4 * i, 0.0) if across else (0.0, -1.5 * i)
-        entry = known.get(stage)
-        gap = entry.gap_over_floor if entry else None
+        gap = known.get(stage)
         is_named = stage in blamed
         box = mpl.patches.FancyBboxPatch(
             (x + 0.1, y + 0.3), 1.9, 0.9, boxstyle="round,pad=0.03",
@@ -106,22 +85,23 @@ def draw_stages(stages: Sequence[StageBar], blamed: Collection[str], width: floa
 
 
 def draw_ranking(
-    ranking: Sequence[RankedCandidate], named: Sequence[str], width: float = WIDE
+    ranking: Sequence[Mapping[str, Any]], named: Sequence[str], width: float = WIDE
 ) -> Figure:
     """Draw the share of the held-out gap that remains with each candidate, with intervals."""
     shown = list(ranking)[:14]
-    labels = [_label(spoken(entry.effect), width) for entry in shown]
+    labels = [_label(spoken(entry["label"]), width) for entry in shown]
     lines = max((label.count("\n") + 1 for label in labels), default=1)
     figure, axis = _figure(width, len(shown), 0.3 if lines == 1 else 0.16 * lines + 0.06)
     for row, entry in enumerate(shown):
-        effects = {part.split(" (")[0] for part in entry.effect.split(" + ")}
+        left = entry["remaining"]
+        effects = {part.split(" (")[0] for part in entry["label"].split(" + ")}
         is_named = effects <= set(named)
         colour = IMPROVED if is_named else "0.45"
-        low = max(entry.low, LEAST_REMAINING)
-        axis.plot([low, max(entry.high, low)], [row, row], color=colour, lw=2)
-        axis.plot(max(entry.remaining, LEAST_REMAINING), row, "o", color=colour, ms=6)
+        low = max(left["low"], LEAST_REMAINING)
+        axis.plot([low, max(left["high"], low)], [row, row], color=colour, lw=2)
+        axis.plot(max(left["value"], LEAST_REMAINING), row, "o", color=colour, ms=6)
         axis.text(
-            1.01, row, percent(max(entry.remaining, 0.0)), transform=axis.get_yaxis_transform(),
+            1.01, row, percent(max(left["value"], 0.0)), transform=axis.get_yaxis_transform(),
             va="center", fontsize=8,
         )  # fmt: skip
     axis.set_yticks(range(len(shown)), labels)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
-from pam_gap.answer.report_figures import RankedCandidate
 from pam_gap.answer.traces import Trace, short_name
 from pam_gap.answer.user_units import percent, plain, spoken, told
 
@@ -33,12 +32,26 @@ def stage_words(blamed: Collection[str], verdict: str) -> str:
     return f"The coloured stage is that of {why}; errors of the others can come from it."
 
 
-def ranking_words(ranking: Sequence[RankedCandidate]) -> str:
+def delay_words(delays: Mapping[str, float]) -> str:
+    """How late the channels are [s]; empty without any."""
+    if not delays:
+        return ""
+    late = "; ".join(f"{name} {_delay(delay)}" for name, delay in delays.items())
+    return f"{late}, against the re-tuned rig file; friction and lag shift signals too"
+
+
+def _delay(seconds: float) -> str:
+    """A delay in words; what rounds to nothing is not called late or early."""
+    shown = round(1e3 * seconds, 1)
+    if shown == 0.0:
+        return "by less than 0.05 ms"
+    return f"{plain(shown)} ms late" if shown > 0.0 else f"{plain(-shown)} ms early"
+
+
+def ranking_words(ranking: Sequence[Mapping[str, Any]]) -> str:
     """What the first two candidates leave."""
-    told_names = [
-        f"{spoken(entry.effect)} leaves {percent(max(entry.remaining, 0.0))} of the gap"
-        for entry in ranking[:2]
-    ]
+    left = [(spoken(entry["label"]), entry["remaining"]["value"]) for entry in ranking[:2]]
+    told_names = [f"{name} leaves {percent(max(share, 0.0))} of the gap" for name, share in left]
     lead = told_names[0][:1].upper() + told_names[0][1:]
     return (
         f"{lead}; the next candidate, {told_names[1].replace(' leaves', ', leaves', 1)}."

@@ -101,6 +101,40 @@ def _single(values: Array) -> npt.NDArray[np.float32]:
     return values.astype(np.float32)
 
 
+def time_range(start: float, end: float) -> Any:
+    """An axis of time [s] that figures of a page share."""
+    from bokeh.models import Range1d  # noqa: PLC0415  (optional)
+
+    return Range1d(start, end, bounds="auto")
+
+
+def time_figure(label: str, shared: Any, title: str = "") -> Any:
+    """An empty figure over the time that several figures share."""
+    from bokeh.plotting import figure  # noqa: PLC0415  (optional)
+
+    made: Any = figure(
+        frame_height=_HEIGHT, sizing_mode="stretch_width", x_range=shared, tools=_TOOLS,
+        active_drag="xbox_zoom", output_backend="canvas", x_axis_label="time [s]",
+        y_axis_label=label, min_width=280, title=title or None,
+    )  # fmt: skip
+    made.toolbar.logo = None
+    made.xgrid.grid_line_color = made.ygrid.grid_line_color = "#e6e6e6"
+    made.yaxis.ticker.desired_num_ticks = 5
+    made.axis.axis_label_text_font_style = "normal"
+    made.axis.major_label_text_font_size = made.axis.axis_label_text_font_size = "10pt"
+    return made
+
+
+def embedded(figures: Sequence[Any]) -> Drawn:
+    """Figures of Bokeh as parts of a page."""
+    from bokeh.embed import components  # noqa: PLC0415  (optional)
+    from bokeh.resources import Resources  # noqa: PLC0415
+
+    script, parts = components(tuple(figures))
+    library = Resources(mode="inline", components=["bokeh"])
+    return Drawn(f"{library.render_js()}\n{script}", tuple(parts))
+
+
 class _Page:
     """Draws the figures of one page with a common time axis and a common number of points."""
 
@@ -108,23 +142,7 @@ class _Page:
         curves = sum(1 + 2 * len(trace.curves()) for trace in traces)
         self.points = max(min(MAX_POINTS, MOST_POINTS // max(curves, 1)), 500)
         ends = [t for trace in traces for t in (trace.time[0], trace.time[-1])]
-        from bokeh.models import Range1d  # noqa: PLC0415  (optional)
-
-        self.range: Any = Range1d(min(ends), max(ends), bounds="auto")
-
-    def _figure(self, label: str) -> Any:
-        from bokeh.plotting import figure  # noqa: PLC0415  (optional)
-
-        made: Any = figure(
-            frame_height=_HEIGHT, sizing_mode="stretch_width", x_range=self.range, tools=_TOOLS,
-            active_drag="xbox_zoom", output_backend="canvas", y_axis_label=label, min_width=280,
-        )  # fmt: skip
-        made.toolbar.logo = None
-        made.xgrid.grid_line_color = made.ygrid.grid_line_color = "#e6e6e6"
-        made.yaxis.ticker.desired_num_ticks = 5
-        made.axis.axis_label_text_font_style = "normal"
-        made.axis.major_label_text_font_size = made.axis.axis_label_text_font_size = "10pt"
-        return made
+        self.range: Any = time_range(min(ends), max(ends))
 
     def _line(self, place: Any, time: Array, values: Array, **look: Any) -> None:
         x, y = thinned(time, values, self.points)
@@ -143,7 +161,7 @@ class _Page:
         """The error of each prediction of a channel."""
         left = [(name, values - trace.measured, colour) for name, values, colour in trace.curves()]
         unit, scale = user_unit(max(_size_of(error) for _, error, _ in left), trace.unit)
-        made = self._figure(f"error [{unit}]")
+        made = time_figure(f"error [{unit}]", self.range)
         if trace.limit > 0.0:
             from bokeh.models import BoxAnnotation  # noqa: PLC0415  (optional)
 
@@ -155,14 +173,13 @@ class _Page:
             self._line(
                 made, trace.time, scale * error, color=colour, line_width=1.3, legend_label=name
             )
-        made.xaxis.axis_label = "time [s]"
         self._legend(made)
         return made
 
     def values(self, trace: Trace) -> Any:
         """A channel as measured, wide and light, and its predictions above it."""
         unit, scale = user_unit(_size_of(trace.measured), trace.unit)
-        made = self._figure(f"[{unit}]")
+        made = time_figure(f"[{unit}]", self.range)
         self._line(
             made, trace.time, scale * trace.measured, color=MEASURED, line_width=4.0,
             legend_label="measured",
@@ -172,7 +189,6 @@ class _Page:
                 made, trace.time, scale * values, color=colour, line_width=1.3,
                 line_dash="dashed" if place else "solid", legend_label=name,
             )  # fmt: skip
-        made.xaxis.axis_label = "time [s]"
         self._legend(made)
         return made
 
@@ -197,13 +213,8 @@ def draw(traces: Sequence[Trace], first: Trace) -> Drawn:
     ModuleNotFoundError
         Without Bokeh.
     """
-    from bokeh.embed import components  # noqa: PLC0415  (optional)
-    from bokeh.resources import Resources  # noqa: PLC0415
-
     page = _Page(traces)
     figures = [page.errors(first)]
     for trace in traces:
         figures += [page.values(trace), page.errors(trace)]
-    script, parts = components(tuple(figures))
-    library = Resources(mode="inline", components=["bokeh"])
-    return Drawn(f"{library.render_js()}\n{script}", tuple(parts))
+    return embedded(figures)

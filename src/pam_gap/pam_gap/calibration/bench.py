@@ -127,7 +127,8 @@ def calibrate_bench_muscle(
         vector, result.stage_errors[stage.name] = fit_stage(problem, stage, numbers, vector, rules)
     progress("all numbers together", 0.5)
     joint = fit_together(problem, numbers, vector, rules)
-    result.numbers, result.small = conclusion(rig, rig.joints[0].name, numbers, joint, rules)
+    result.numbers, result.posterior = conclusion(rig, rig.joints[0].name, numbers, joint, rules)
+    result.small = result.posterior.small
     result.problem, result.before = problem, problem.base.values
     result.refused = misfit(problem, joint.fitted, rules)
     names = {one.key: one.name for one in numbers}

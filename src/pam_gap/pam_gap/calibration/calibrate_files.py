@@ -23,7 +23,7 @@ from pam_gap.diagnosis_files import import_as_mounted, joint_progress
 from pam_gap.prediction.bench_joint import bench_muscles_recorded, expected_channels
 from pam_gap.recordings.column_map import load_column_map
 from pam_gap.recordings.parts import part_of
-from pam_gap.recordings.recording import Recording, RecordingError
+from pam_gap.recordings.recording import TURNED_OVER, Recording, RecordingError
 from pam_model.command_line import Arguments, Outcome, progress
 from pam_model.rig import Rig, save_rig
 from pam_model.rig.partial import load_partial_rig
@@ -90,8 +90,8 @@ def calibrate_files(
     """
     partial = load_partial_rig(rig_path)
     column_map = None if map_path is None else load_column_map(map_path)
-    read = import_as_mounted(logs, partial.rig, turned_over, (), (), column_map=column_map)
-    tried = import_as_mounted(withheld, partial.rig, (), (), (), column_map=column_map)
+    read = import_as_mounted(logs, partial.rig, {TURNED_OVER: turned_over}, column_map=column_map)
+    tried = import_as_mounted(withheld, partial.rig, column_map=column_map)
     benches = [] if joint else bench_muscles_recorded(partial.rig, [*read, *tried])
     if not partial.rig.joints and not benches:
         raise RecordingError(

@@ -17,6 +17,7 @@ from pam_gap.calibration.calibration_rules import DEFAULT as DEFAULT_RULES
 from pam_gap.calibration.calibration_rules import CalibrationRules
 from pam_gap.calibration.free_numbers import FreeRigNumber, Said
 from pam_gap.calibration.intervals import knowledge
+from pam_gap.calibration.posterior import Posterior
 from pam_gap.calibration.scale_of_forces import grows, scale_weights
 from pam_gap.calibration.staged_fit import (
     JointFit,
@@ -100,6 +101,8 @@ class Calibration:
         Errors on recordings that took no part in the fit, with the numbers as written and as found.
     small : dict of str to float
         Sizes of small effects that every good rig has, as they were fitted; not in the rig file.
+    posterior : Posterior or None
+        The numbers with their covariance; None if nothing was fitted.
     stage_errors : dict of str to (float, float)
         RMS error of each stage before and after its fit, in multiples of the noise.
     """
@@ -113,6 +116,7 @@ class Calibration:
     withheld: tuple[GapFigure, ...] = ()
     small: dict[str, float] = field(default_factory=dict)
     stage_errors: dict[str, tuple[float, float]] = field(default_factory=dict)
+    posterior: Posterior | None = field(default=None, repr=False)
     problem: PredictionProblem | None = field(default=None, repr=False)
     before: Array | None = field(default=None, repr=False)
     after: Array | None = field(default=None, repr=False)
@@ -169,7 +173,8 @@ def calibrate_joint(
         vector, result.stage_errors[stage.name] = fit_stage(problem, stage, numbers, vector, rules)
     progress("all numbers together", 0.4)
     joint = fit_together(problem, numbers, vector, rules)
-    found, result.small = conclusion(rig, result.joint, numbers, joint, rules)
+    found, result.posterior = conclusion(rig, result.joint, numbers, joint, rules)
+    result.small = result.posterior.small
     names = {one.key: one.name for one in numbers}
     calibrated = rig
     for what in found:
@@ -213,8 +218,8 @@ def one_valve_reversed(problem: PredictionProblem, rules: CalibrationRules) -> t
 
 def conclusion(
     rig: Rig, name: str, numbers: Sequence[FreeRigNumber], joint: JointFit, rules: CalibrationRules
-) -> tuple[tuple[CalibratedNumber, ...], dict[str, float]]:
-    """The numbers, fitted once more beside those of which the log says nothing; small effects."""
+) -> tuple[tuple[CalibratedNumber, ...], Posterior]:
+    """The numbers, fitted once more beside those of which the log says nothing."""
     fitter = joint.fitter
     known = knowledge(fitter, make_folds(fitter.problem), joint.fitted, rules)
     stated = [place for place, one in enumerate(numbers) if not one.is_ordinary]
@@ -227,7 +232,6 @@ def conclusion(
     values = known.values.copy()
     values[kept] = [known.free[place].centre for place in kept]
     values = fit_beside_kept(fitter, kept, known.given(kept, values), rules)
-    small = {one.key: float(values[k]) for k, one in enumerate(numbers) if one.is_ordinary}
     weights = np.zeros(known.values.size)
     weights[: len(numbers)] = scale_weights(rig, name, numbers)
     found = []
@@ -251,7 +255,9 @@ def conclusion(
                 one.key, one.unit, one.stage, one.written, value, *ends, status, relative
             )
         )
-    return tuple(found), small
+    count = len(numbers)
+    covariance = known.covariance[:count, :count]
+    return tuple(found), Posterior(tuple(numbers), values[:count], covariance)
 
 
 def misfit(

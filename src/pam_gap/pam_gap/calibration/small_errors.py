@@ -26,9 +26,10 @@ USUAL, SPREAD, MOST = 0.75, 0.3, 1.5
 STEP = 0.25
 """Step of the width, in ordinary ones, for the derivative."""
 VALVES = 2
-CREEP_TIMES = (0.3, 1.0, 3.0, 10.0, 30.0)
+CREEP_TIMES = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0)
 """Time constants of the creep of a bladder [s]: rubber relaxes over decades of time, which a sum of
-elements describes (Ferry, Viscoelastic Properties of Polymers, Wiley 1980)."""
+elements describes (Ferry, Viscoelastic Properties of Polymers, Wiley 1980). The shortest one is
+that of the fastest motion, 2 Hz: what relaxes within it would be taken for viscous friction."""
 CREEP_RATIO = 0.01
 """Unit of the amount of each element, over the stiffness of the braid at 3 bar."""
 

@@ -9,12 +9,12 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import jinja2
 import matplotlib.dates as mdates
 import numpy as np
 from matplotlib.figure import Figure
 
-from pam_gap.answer.page_style import STYLE, VERDICT_WORDS
+from pam_gap.answer.html_page import html_page, marked_up
+from pam_gap.answer.page_style import VERDICT_WORDS
 from pam_gap.answer.plots_in_page import is_narrow, picture
 from pam_gap.answer.user_units import spoken, told, user_unit
 from pam_gap.fleet.change_points import SLOPE, STEP
@@ -28,26 +28,14 @@ SOURCES = {
     "file": "time of the file",
 }
 
-_PAGE = """<!doctype html>
-<html lang="en"><head><meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<title>Fleet</title>
-<style>{{ style | safe }}</style></head><body><main>
-<h1>Fleet: {{ count }} recordings</h1>
+_BODY = """
 <div class="verdict" style="--verdict: {{ colour }}"><b>{{ word }}</b>
 {% for text in changed %}{{ text }}<br>{% else %}{{ nothing }}{% endfor %}
 <small>{{ span }}</small></div>
-
-{% if document.next %}<h2>What will need repair next</h2>
-<div class="wide" tabindex="0"><table>
-<tr><th>robot</th><th>joint</th><th>what grows</th><th class="n">weeks left</th>
-<th>until it</th></tr>
-{% for row in document.next %}<tr><td>{{ row.robot }}</td><td>{{ row.joint }}</td>
-<td>{{ row.what }}</td><td class="n">{{ '%.0f' % row.weeks }}</td><td>{{ row.aim }}</td></tr>
-{% endfor %}</table></div>
+{% if next %}<h2>What will need repair next</h2>
+{{ table(['robot', 'joint', 'what grows', '#weeks left', 'until it'], next) }}
 <p class="quiet">At the present rate. Set a limit with --limit EFFECT.PARAMETER=VALUE; without one,
 this is the time until the value has doubled.</p>{% endif %}
-
 {% for group in groups %}<h2>{{ group.title }}</h2>
 {% if not group.plots %}<p>No effect was found in several recordings, so that none is followed.</p>
 {% endif %}
@@ -57,26 +45,13 @@ this is the time until the value has doubled.</p>{% endif %}
 {% endfor %}{% endfor %}
 {% if groups %}<p class="quiet">The effects that several recordings show are fitted on every
 recording of a joint, also where the verdict was another one. Bars: 90 % intervals of single
-recordings. Line: a
-constant with steps and slopes where the Bayesian information criterion asks for them. Dashed: the
-date of a change; orange: its 90 % interval.</p>{% endif %}
-
+recordings. Line: a constant with steps and slopes where the Bayesian information criterion asks for
+them. Dashed: the date of a change; orange: its 90 % interval.</p>{% endif %}
 {% if failed %}<h2>Recordings that failed</h2>
-<div class="wide" tabindex="0"><table><tr><th>recording</th><th>reason</th></tr>
-{% for row in failed %}<tr><td>{{ row.recording }}</td><td>{{ row.failure }}</td></tr>{% endfor %}
-</table></div>{% endif %}
-
+{{ table(['recording', 'reason'], failed) }}{% endif %}
 <h2>All recordings</h2>
-<div class="wide" tabindex="0"><table>
-<tr><th>date (UTC)</th><th>recording</th><th>robot</th><th>joint</th><th>verdict</th>
-<th>effects</th></tr>
-{% for row in rows %}<tr><td class="n">{{ row.date }}</td>
-<td>{% if row.link %}<a href="{{ row.link }}">{{ row.recording }}</a>{% else %}{{ row.recording }}
-{% endif %}</td><td>{{ row.robot }}</td><td>{{ row.joint }}</td><td>{{ row.word }}</td>
-<td>{{ row.effects }}</td></tr>
-{% endfor %}</table></div>
+{{ table(['#date (UTC)', 'recording', 'robot', 'joint', 'verdict', 'effects'], rows) }}
 <p class="quiet">{{ sources }}</p>
-</main></body></html>
 """
 
 
@@ -169,46 +144,41 @@ def _sources(rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def render(document: Mapping[str, Any], series: Sequence[ParameterSeries]) -> str:
-    """Return the page as text.
-
-    Parameters
-    ----------
-    document : mapping
-        The content of fleet.json.
-    series : sequence of ParameterSeries
-        The series of the document, in the same order.
-    """
-    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
+    """Return the page as text."""
     rows = document["recordings"]
-    failed = [row for row in rows if row["failure"]]
     changed = [text for s in document["series"] if s["changes"] for text in s["sentences"]]
     grows = any(c.kind == SLOPE for s in series for c in s.course.changes)
-    colour = "#c2410c" if grows else "#00798c" if changed else "#2f855a"
-    return environment.from_string(_PAGE).render(
-        document=document,
-        style=STYLE,
-        colour=colour,
+    return html_page(
+        f"Fleet: {len({row['recording'] for row in rows})} recordings",
+        _BODY,
+        colour="#c2410c" if grows else "#00798c" if changed else "#2f855a",
         word="Something changes" if changed else "No change found",
         nothing="No followed effect changed by more than its recordings differ.",
         changed=changed,
-        count=len({row["recording"] for row in rows}),
         span=_span(rows),
+        next=[
+            (row["robot"], row["joint"], row["what"], f"{row['weeks']:.0f}", row["aim"])
+            for row in document["next"]
+        ],
         groups=_groups(document, series),
-        failed=failed,
+        failed=[(row["recording"], row["failure"]) for row in rows if row["failure"]],
         rows=[
-            {
-                "date": f"{datetime.fromtimestamp(row['time'], UTC):%Y-%m-%d %H:%M}",
-                "recording": row["recording"],
-                "robot": row["robot"],
-                "joint": row["joint"],
-                "effects": spoken(row["effects"]),
-                "word": _word(row),
-                "link": row["link"],
-            }
+            (
+                f"{datetime.fromtimestamp(row['time'], UTC):%Y-%m-%d %H:%M}",
+                _linked(row["recording"], row["link"]),
+                row["robot"],
+                row["joint"],
+                _word(row),
+                spoken(row["effects"]),
+            )
             for row in rows
         ],
         sources=_sources(rows),
     )
+
+
+def _linked(text: str, address: str) -> str:
+    return marked_up('<a href="{}">{}</a>', address, text) if address else text
 
 
 def _word(row: Mapping[str, Any]) -> str:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pam_gap.recordings.broken_bag import read_bag
+from pam_gap.recordings.broken_bag import bag_reader, read_bag
 from pam_gap.recordings.import_csv import is_table, read_columns
 from pam_gap.recordings.import_recording import is_bag
 from pam_model.errors import PamError
@@ -46,10 +46,7 @@ def read_date(text: str, where: str) -> float:
 
 def _start(files: list[Path]) -> float:
     """The first stamp of a bag [s]."""
-    from rosbags.highlevel import AnyReader  # noqa: PLC0415  (optional)
-    from rosbags.typesys import Stores, get_typestore  # noqa: PLC0415
-
-    with AnyReader(files, default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
+    with bag_reader(files) as reader:
         return 1e-9 * float(reader.start_time)
 
 

@@ -33,7 +33,6 @@ from pam_gap.recordings.import_recording import is_bag, read_raw
 from pam_gap.recordings.recording import (
     MUSCLES,
     Array,
-    RawRecording,
     Recording,
     RecordingError,
 )
@@ -163,20 +162,8 @@ def _of_text(table: Table) -> str:
     return f"; {'; '.join(texts[:3])}" if texts else ""
 
 
-def _problems(rig: Rig, recording: Recording | None) -> list[str]:
-    if recording is None:
-        return []
-    try:
-        subjects_to_diagnose(rig, [recording])
-    except PamError as error:
-        return [str(error)]
-    return []
-
-
-def _no_verdict(rig: Rig, recording: Recording | None) -> list[str]:
+def _no_verdict(rig: Rig, recording: Recording) -> list[str]:
     """Why a diagnosis of this recording alone ends in `not_identifiable`; nothing is fitted."""
-    if recording is None:
-        return []
     measured = without_computed(recording, rig)
     found: list[str] = []
     for name in subjects_to_diagnose(rig, [measured]):
@@ -184,9 +171,7 @@ def _no_verdict(rig: Rig, recording: Recording | None) -> list[str]:
     return list(dict.fromkeys(found))
 
 
-def _missing(rig: Rig, recording: Recording | None) -> list[str]:
-    if recording is None:
-        return []
+def _missing(rig: Rig, recording: Recording) -> list[str]:
     found = (n for j in range(len(rig.joints)) for n in what_is_missing(rig, j, recording))
     return list(dict.fromkeys(found))
 
@@ -229,34 +214,36 @@ def import_log(
     out.mkdir(parents=True, exist_ok=True)
     used = map_path or _proposed_map(path, table, rig, out, rate, ask)
     column_map: ColumnMap = load_column_map(used)
-    raw: RawRecording | None = None
     recording: Recording | None = None
     problems: list[str] = []
+    missing: list[str] = []
+    no_verdict: list[str] = []
     try:
-        raw = read_raw(path, column_map)
-        recording = resample(raw)
-    except RecordingError as error:
-        problems.append(str(error))
-    problems += [
-        f"{problem}{'' if map_path else _of_text(table)}" for problem in _problems(rig, recording)
-    ]
+        recording = resample(read_raw(path, column_map))
+        missing = _missing(rig, recording)
+        subjects_to_diagnose(rig, [recording])
+    except PamError as error:
+        of_text = "" if map_path or recording is None else _of_text(table)
+        problems.append(f"{error}{of_text}")
+    if recording is not None and not problems:
+        if not is_rough:
+            no_verdict = _no_verdict(rig, recording)
+        values = {"time": recording.time} | {
+            name: np.where(recording.valid[name], column, np.nan)
+            for name, column in recording.values.items()
+        }
+        pd.DataFrame(values).to_parquet(out / TABLE, index=False)
     preview = Preview(
         path,
         _summary(table.columns),
         column_map,
         recording,
         problems,
-        _missing(rig, recording),
+        missing,
         table.remarks,
-        [] if problems or is_rough else _no_verdict(rig, recording),
+        no_verdict,
     )
     (out / PAGE).write_text(render(preview), encoding="utf-8")
-    if recording is not None and not problems:
-        values = {"time": recording.time} | {
-            name: np.where(recording.valid[name], column, np.nan)
-            for name, column in recording.values.items()
-        }
-        pd.DataFrame(values).to_parquet(out / TABLE, index=False)
     return preview
 
 

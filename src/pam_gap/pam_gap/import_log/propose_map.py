@@ -23,40 +23,15 @@ from pam_gap.recordings.recording import COMMANDS, JOINTS, MUSCLES, PRESSURES, S
 from pam_model.rig import Rig
 from pam_model.unit_hints import RECORDED, units_that_fit
 
-_ASKED: Final = frozenset(
-    [
-        "command",
-        "commands",
-        "cmd",
-        "des",
-        "desired",
-        "ref",
-        "reference",
-        "target",
-        "setpoint",
-        "setp",
-        "sp",
-        "set",
-        "goal",
-        "soll",
-    ]
-)
+_ASKED: Final = frozenset([
+    "command", "commands", "cmd", "des", "desired", "ref", "reference", "target", "setpoint",
+    "setp", "sp", "set", "goal", "soll",
+])  # fmt: skip
 """Words of what was asked for: a column with one is a command of the valve, or no channel."""
-_SEEN: Final = frozenset(
-    [
-        "obs",
-        "observed",
-        "feedback",
-        "fb",
-        "measured",
-        "meas",
-        "actual",
-        "act",
-        "sensor",
-        "reading",
-        "ist",
-    ]
-)
+_SEEN: Final = frozenset([
+    "obs", "observed", "feedback", "fb", "measured", "meas", "actual", "act", "sensor", "reading",
+    "ist",
+])  # fmt: skip
 """Words of what was measured, which do not say what it is."""
 _SIDES: Final = (
     frozenset(["ago", "agonist", "agon"]),

@@ -43,7 +43,7 @@ class Interval:
 
 
 def parameter_intervals(
-    fitter: HypothesisFitter, folds: Folds, hypothesis: Hypothesis, seed: int = 0
+    fitter: HypothesisFitter, folds: Folds, hypothesis: Hypothesis
 ) -> list[Interval]:
     """90 % intervals of all fitted parameters, nuisances first.
 
@@ -75,7 +75,7 @@ def parameter_intervals(
             known = np.isfinite(e) & np.isfinite(d).all(axis=1)
             hessians[block] += weights[channel] * d[known].T @ d[known]
             slopes[block] += weights[channel] * d[known].T @ e[known]
-    generator = np.random.default_rng(seed)
+    generator = np.random.default_rng(0)
     prior = np.diag(scaling.weight**2)
     mean_slope = slopes.mean(axis=0)
     rules = fitter.rules.decision
@@ -113,7 +113,6 @@ def gap_closed(
     floor: Array,
     present: np.ndarray,
     rules: DecisionRules,
-    seed: int = 0,
 ) -> Interval:
     """(before - after)/(before - floor) of the pooled RMS error, with its 90 % interval.
 
@@ -127,7 +126,7 @@ def gap_closed(
         last = float(pooled_rms(after.sums[at].sum(0), after.counts[at].sum(0), present))
         return (first - max(last, floor_rms)) / max(first - floor_rms, 1e-9)
 
-    generator = np.random.default_rng(seed)
+    generator = np.random.default_rng(0)
     n = before.sums.shape[0]
     draws = [closed(resampled_blocks(n, generator, rules)) for _ in range(rules.bootstraps)]
     low, high = np.percentile(draws, [LOW, HIGH])

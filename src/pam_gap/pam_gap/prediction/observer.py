@@ -31,12 +31,12 @@ from pam_gap.prediction.channel_order import (
 )
 from pam_model.physics.pressure_sensor import pressure_reading, true_pressure
 from pam_model.plant.compile_beside import CompileBeside
-from pam_model.plant.compiled import compiled, entry_point, for_kernel
+from pam_model.plant.compiled import compiled, entry_point, for_kernel, fused_entry_point
 from pam_model.plant.kernel import muscle_pull
 from pam_model.plant.lane_blocks import Lanes, blocks_of_lanes
 from pam_model.plant.lane_choice import VECTOR, LaneKernel
 from pam_model.plant.lane_kernel import advance_lanes, with_loops
-from pam_model.plant.lane_twins import Variant
+from pam_model.plant.lane_twins import SINGLE, Variant
 from pam_model.plant.layout import (
     C_AMBIENT,
     C_DRAWN,
@@ -259,7 +259,7 @@ def _compiled_observer(variant: Variant) -> Callable[..., None]:
     loops = (start_sample, correct_pressures, correct_motion, compare_pulls)
     made = with_loops(_observe, loops, variant)
     made.__globals__["advance_block"] = advance_lanes(variant)
-    return entry_point(made)
+    return fused_entry_point(made) if variant is SINGLE else entry_point(made)
 
 
 _KERNELS = CompileBeside("_observe")

@@ -14,7 +14,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from pam_gap.recordings.broken_bag import read_bag
+from pam_gap.recordings.broken_bag import bag_reader, read_bag, stamp_in
 from pam_gap.recordings.recording import Array, RawChannel
 
 _MOST_ELEMENTS: Final = 64
@@ -37,13 +37,6 @@ def _numbers(name: str, value: Any, names: list[str]) -> Iterator[tuple[str, flo
         for field in value.__dataclass_fields__:
             if field not in ("header", "__msgtype__", "name"):
                 yield from _numbers(f"{name}.{field}", getattr(value, field), inner)
-
-
-def _stamp(message: Any, received: int) -> int:
-    header = getattr(message, "header", None)
-    if header is not None and (header.stamp.sec or header.stamp.nanosec):
-        return int(header.stamp.sec) * 1_000_000_000 + int(header.stamp.nanosec)
-    return received
 
 
 def read_bag_columns(
@@ -81,13 +74,12 @@ def _read(
     files: list[Path], wanted: Collection[str] | None
 ) -> tuple[dict[str, RawChannel], dict[str, int]]:
     """The columns, and the number of unreadable messages by topic."""
-    from rosbags.highlevel import AnyReader, AnyReaderError  # noqa: PLC0415  (optional)
-    from rosbags.typesys import Stores, get_typestore  # noqa: PLC0415
+    from rosbags.highlevel import AnyReaderError  # noqa: PLC0415  (optional)
 
     stamps: dict[str, list[float]] = defaultdict(list)
     values: dict[str, list[float]] = defaultdict(list)
     unread: dict[str, int] = defaultdict(int)
-    with AnyReader(files, default_typestore=get_typestore(Stores.ROS2_JAZZY)) as bag:
+    with bag_reader(files) as bag:
         chosen = [
             connection
             for connection in bag.connections
@@ -99,7 +91,7 @@ def _read(
             except (AnyReaderError, KeyError):  # KeyError: a type without a definition
                 unread[connection.topic] += 1
                 continue
-            time = 1e-9 * (_stamp(message, received) - bag.start_time)
+            time = 1e-9 * ((stamp_in(message) or received) - bag.start_time)
             for name, value in _numbers(connection.topic, message, []):
                 if wanted is None or name in wanted:
                     stamps[name].append(time)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pam_gap.recordings.recording import COMMANDS, GAP_PERIODS, PRESSURES, Mask, Recording
+from pam_gap.recordings.recording import COMMANDS, GAP_PERIODS, PRESSURES, Mask, Recording, runs
 from pam_gap.rules import Rules
 
 
@@ -31,12 +31,6 @@ def is_blind(recording: Recording, muscles: Sequence[str]) -> Mask:
     if pressures:
         blind |= ~np.any(pressures, axis=0)
     return blind
-
-
-def runs(mask: Mask) -> list[tuple[int, int]]:
-    """First sample of each run of true values, and the one after its last."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], mask.astype(np.int8), [0]))))
-    return [(int(start), int(stop)) for start, stop in edges.reshape(-1, 2)]
 
 
 def _longest_bridged(recording: Recording, muscles: Sequence[str], longest_step: float) -> float:

@@ -15,16 +15,19 @@ import shutil
 import sqlite3
 import struct
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Any, Final
 
 import yaml
 
 from pam_gap.recordings.packed_chunks import refuse_bomb
 from pam_gap.recordings.recording import RecordingError
 from pam_model.reading import read_text, reading
+
+if TYPE_CHECKING:
+    from rosbags.highlevel import AnyReader
 
 MAGIC: Final = b"\x89MCAP0\r\n"
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _DATA_END = 0x02, 0x03, 0x04, 0x05, 0x06, 0x0F
@@ -65,6 +68,22 @@ def is_unfinished(path: Path) -> bool:
         for source in storage_files(path)
         for ending in _BESIDE
     )
+
+
+def bag_reader(files: Sequence[Path]) -> AnyReader:
+    """A reader of the messages of a bag; types that the bag does not define are those of Jazzy."""
+    from rosbags.highlevel import AnyReader  # noqa: PLC0415  (optional)
+    from rosbags.typesys import Stores, get_typestore  # noqa: PLC0415
+
+    return AnyReader(list(files), default_typestore=get_typestore(Stores.ROS2_JAZZY))
+
+
+def stamp_in(message: Any) -> int:
+    """The stamp in the header of a message [ns]; 0 without one."""
+    header = getattr(message, "header", None)
+    if header is None:
+        return 0
+    return int(header.stamp.sec) * 1_000_000_000 + int(header.stamp.nanosec)
 
 
 def read_bag[T](path: Path, read: Callable[[list[Path]], T]) -> tuple[T, list[str]]:

@@ -16,7 +16,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pam_gap.recordings.broken_bag import STORAGES, read_bag, storage_files
+from pam_gap.recordings.broken_bag import (
+    STORAGES,
+    bag_reader,
+    read_bag,
+    stamp_in,
+    storage_files,
+)
 from pam_gap.recordings.joint_state_columns import JointStateColumns
 from pam_gap.recordings.recording import (
     COMMANDS,
@@ -99,13 +105,9 @@ def read_rosbag(path: Path) -> RawRecording:
 
 
 def _read(files: Sequence[Path], path: Path) -> RawRecording:
-    from rosbags.highlevel import AnyReader  # noqa: PLC0415  (optional)
-    from rosbags.typesys import Stores, get_typestore  # noqa: PLC0415
-
-    typestore = get_typestore(Stores.ROS2_JAZZY)
     channels: dict[str, RawChannel] = {}
     remarks: list[str] = []
-    with AnyReader(files, default_typestore=typestore) as reader:
+    with bag_reader(files) as reader:
         topics = _topics(reader, path)
         if not topics:
             seen = sorted({c.topic for c in reader.connections})
@@ -200,10 +202,8 @@ def _read_supply(
         except AnyReaderError:
             counts.spoilt += 1
             continue
-        header = getattr(message, "header", None)
-        if header is not None and (header.stamp.sec or header.stamp.nanosec):
-            nanoseconds = header.stamp.sec * 1_000_000_000 + header.stamp.nanosec
-        else:
+        nanoseconds = stamp_in(message)
+        if not nanoseconds:
             counts.unstamped += 1
             nanoseconds = received
         number = "fluid_pressure" if hasattr(message, "fluid_pressure") else "data"

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from pam_gap.recordings.blind_time import is_blind, runs
-from pam_gap.recordings.recording import Recording
+from pam_gap.recordings.blind_time import is_blind
+from pam_gap.recordings.recording import Recording, runs
 from pam_gap.rules import DEFAULT
 from pam_gap.rules.recording_rules import RecordingRules
 

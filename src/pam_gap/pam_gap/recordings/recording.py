@@ -40,6 +40,12 @@ def is_name(name: str) -> bool:
     return len(name) <= LONGEST_NAME and name.isprintable()
 
 
+def runs(mask: Mask) -> list[tuple[int, int]]:
+    """First sample of each run of true values, and the one after its last."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], mask.astype(np.int8), [0]))))
+    return [(int(start), int(stop)) for start, stop in edges.reshape(-1, 2)]
+
+
 class RecordingError(PamError):
     """A recording that cannot be used; the message names file, channel and expectation."""
 

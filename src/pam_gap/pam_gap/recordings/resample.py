@@ -21,6 +21,7 @@ from pam_gap.recordings.recording import (
     RawRecording,
     Recording,
     RecordingError,
+    runs,
 )
 
 LONGEST_PAUSE = 5.0
@@ -110,11 +111,10 @@ def _shortened(channels: dict[str, RawChannel], repairs: list[str]) -> dict[str,
 def _refuse_restart(name: str, time: Array) -> None:
     """Refuse stamps that start anew: sorting them would mix two recordings."""
     late = time < np.maximum.accumulate(time)
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], late.astype(np.int8), [0]))))
-    begins, lengths = edges[::2], edges[1::2] - edges[::2]
-    if float(late.mean()) <= RESTARTED and lengths.max() < SET_BACK:
+    first, end = max(runs(late), key=lambda run: run[1] - run[0])
+    count = end - first
+    if float(late.mean()) <= RESTARTED and count < SET_BACK:
         return
-    first, count = int(begins[np.argmax(lengths)]), int(lengths.max())
     raise RecordingError(
         f"{name}: time goes back from {time[first - 1]:.6g} s to {time[first]:.6g} s at sample "
         f"{first + 1} and stays behind for {count} samples, {100.0 * late.mean():.2g} % of the "

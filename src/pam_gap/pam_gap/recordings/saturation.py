@@ -12,17 +12,15 @@ import numpy as np
 
 from pam_gap.recordings.frozen import runs_of_equal
 from pam_gap.recordings.noise_floor import channel_noise
-from pam_gap.recordings.recording import COMMANDS, PRESSURES, Array, Mask, Recording
+from pam_gap.recordings.recording import COMMANDS, PRESSURES, Array, Mask, Recording, runs
 from pam_gap.rules import DEFAULT
 from pam_gap.rules.recording_rules import RecordingRules
 
 
 def at_the_end(values: Array, end: float, shortest: int) -> Mask:
     """Samples in runs of at least `shortest` samples that equal `end` exactly."""
-    edges = np.diff(np.concatenate(([0], (values == end).astype(np.int8), [0])))
-    starts, ends = np.nonzero(edges == 1)[0], np.nonzero(edges == -1)[0]
     clipped = np.zeros(values.size, dtype=np.bool_)
-    for start, stop in zip(starts, ends, strict=True):
+    for start, stop in runs(values == end):
         clipped[start:stop] = stop - start >= shortest
     return clipped
 
@@ -30,10 +28,10 @@ def at_the_end(values: Array, end: float, shortest: int) -> Mask:
 def _longest_between(values: Array, most: float) -> int:
     """Longest run of equal values between both ends of the range; frozen sensors do not count."""
     low, high = float(values.min()), float(values.max())
-    runs = [
+    lengths = [
         stop - start for start, stop in runs_of_equal(values) if low < float(values[start]) < high
     ]
-    return max((length for length in runs if length < most), default=0)
+    return max((length for length in lengths if length < most), default=0)
 
 
 def without_saturated(recording: Recording, rules: RecordingRules = DEFAULT.recording) -> Recording:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from pam_gap.rules.rule import NUMERICAL, PROPOSAL, rule
+from pam_gap.rules.rule import NUMERICAL, proposal_rule, rule
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,39 +59,34 @@ class RecordingRules:
         trades="Larger: short recordings get no answer. Smaller: an effect can be named that "
                "happened to fit a few seconds.",
         origin="Derived: both folds need at least three score blocks of 1 s each to be compared.")
-    short_seconds: float = rule(13.5, unit="s",
+    short_seconds: float = proposal_rule(13.5, unit="s",
         decides="Time that counts below which an answer carries a warning.",
         trades="Larger: more answers carry it. Smaller: answers from little data carry none.",
-        origin="Three whole pairs of folds of 4 s, less their guards: recordings of 15 s.",
-        acts=PROPOSAL)
-    wanted_range: float = rule(0.5, unit="of the joint's range",
+        origin="Three whole pairs of folds of 4 s, less their guards: recordings of 15 s.")
+    wanted_range: float = proposal_rule(0.5, unit="of the joint's range",
         decides="Share of its range that a joint should use in a recording. An answer without a "
                 "cause carries a warning below it.",
         trades="Larger: more answers carry it. Smaller: a load that hardly acts in a small "
                "motion may be missed without a warning.",
-        origin="Chosen by hand.",
-        acts=PROPOSAL)
-    jagged_commands: float = rule(0.15, unit="of the pressure's noise",
+        origin="Chosen by hand.")
+    jagged_commands: float = proposal_rule(0.15, unit="of the pressure's noise",
         decides="Change of a pressure within a row by what a valve command deviates from the "
                 "mean of its neighbours. Above it, an answer warns of a log that is slower than "
                 "the loop.",
         trades="Larger: fewer slow logs are warned of. Smaller: more full logs carry the warning.",
         origin="Chosen by hand: drawn logs of every command gave 0.1 or less, those of every "
-               "tenth one up to 0.5. It only adds a warning.",
-        acts=PROPOSAL)
-    fewest_changes: int = rule(40, unit="-",
+               "tenth one up to 0.5. It only adds a warning.")
+    fewest_changes: int = proposal_rule(40, unit="-",
         decides="Changes of the commands below which their intervals are not judged.",
         trades="Larger: fewer slow logs are warned of. Smaller: an experiment of a few steps "
                "carries the warning.",
-        origin="Chosen by hand: 4 s of commands at 10 Hz. It only adds a warning.",
-        acts=PROPOSAL)
-    even_changes: float = rule(0.8, unit="of the intervals",
+        origin="Chosen by hand: 4 s of commands at 10 Hz. It only adds a warning.")
+    even_changes: float = proposal_rule(0.8, unit="of the intervals",
         decides="Share of the intervals between changes of the commands that must be equal to "
                 "warn of commands that are logged more slowly than the measurements.",
         trades="Larger: fewer slow logs are warned of. Smaller: experiments with steps carry the "
                "warning.",
-        origin="Chosen by hand; it only adds a warning.",
-        acts=PROPOSAL)
+        origin="Chosen by hand; it only adds a warning.")
     longest_step: float = rule(0.04, unit="s",
         decides="Sample time above which the verdict is `not_identifiable`.",
         trades="Larger: joints are judged whose motion falls between the samples. Smaller: slow "
@@ -115,13 +110,12 @@ class RecordingRules:
         trades="Larger: what gaps leave is taken for an unknown cause. Smaller: recordings with "
                "some gaps get no answer.",
         origin="Most of the recording, by definition.")
-    told_share: float = rule(0.05, unit="of the time",
+    told_share: float = proposal_rule(0.05, unit="of the time",
         decides="Share of the time in gaps, or of lost messages, that is reported: by `record` "
                 "while it records, and as a caution of an answer.",
         trades="Larger: bad recordings are reported late. Smaller: every recording on a usual "
                "computer is said to have gaps.",
-        origin="Chosen by hand; it only adds a warning.",
-        acts=PROPOSAL)
+        origin="Chosen by hand; it only adds a warning.")
     shortest_part: float = rule(3.0, unit="s",
         decides="Shortest part between two gaps that is used.",
         trades="Larger: data are lost. Smaller: parts are used of which hardly anything counts.",
@@ -192,14 +186,13 @@ class RecordingRules:
                 "dead sensor.",
         trades="As for `dead_opening`.",
         origin="A muscle fills in some tenths of a second.")
-    least_excitation: float = rule(1.0, unit="RMS over floor",
+    least_excitation: float = proposal_rule(1.0, unit="RMS over floor",
         decides="Change that an effect causes at its usual size, in the second in which it is "
                 "largest, below which the report says that the recording does not show this "
                 "effect.",
         trades="Larger: more effects are said not to be shown. Smaller: the absence of an effect "
                "is claimed that could not be seen.",
-        origin="Derived: in one second the effect changes a channel by as much as its noise.",
-        acts=PROPOSAL)
+        origin="Derived: in one second the effect changes a channel by as much as its noise.")
     clipped_samples: int = rule(16, unit="samples",
         decides="Shortest run of samples exactly at the largest or smallest value of a noisy "
                 "channel that counts as clipped.",

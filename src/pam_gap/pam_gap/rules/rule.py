@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import field
+from functools import partial
 from typing import Any
 
 DECISION = "decision"
@@ -52,3 +53,7 @@ def rule(
     """
     about = {"unit": unit, "decides": decides, "trades": trades, "origin": origin, "acts": acts}
     return field(default=default, metadata=about)
+
+
+decision_rule = partial(rule, acts=DECISION)
+proposal_rule = partial(rule, acts=PROPOSAL)

@@ -79,18 +79,8 @@ def table(rules: Rules = DEFAULT) -> tuple[RuleEntry, ...]:
             about = one.metadata
             if not about:  # a switch
                 continue
-            entries.append(
-                RuleEntry(
-                    group.name,
-                    one.name,
-                    getattr(part, one.name),
-                    about["unit"],
-                    about["decides"],
-                    about["trades"],
-                    about["origin"],
-                    about["acts"],
-                )
-            )
+            value = getattr(part, one.name)
+            entries.append(RuleEntry(group.name, one.name, value, **about))
     return tuple(entries)
 
 

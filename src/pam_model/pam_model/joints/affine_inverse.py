@@ -25,7 +25,9 @@ def affine_line(
     scale: float, passive: float, rise: float, offset: float, low: float, high: float
 ) -> Line:
     """The line of a muscle with these coefficients at its present length."""
-    weakest, strongest = max(0.0, low * scale + passive), max(0.0, high * scale + passive)
+    weakest, strongest = low * scale + passive, high * scale + passive
+    weakest = weakest if weakest > 0.0 else 0.0
+    strongest = strongest if strongest > 0.0 else 0.0
     if strongest <= weakest:
         # the choice of the pressure has no influence
         rate = low * rise + offset if weakest > 0.0 else 0.0
@@ -105,9 +107,11 @@ def affine_pressures(
         Whether the request was outside the range; torque has priority over stiffness.
     """
     difference = min(max(torque / radius, a[0] - b[1]), a[1] - b[0])
-    pull = antagonist_pull(a, b, difference, stiffness / (radius * radius))
+    square = radius * radius
+    pull = antagonist_pull(a, b, difference, stiffness / square)
+    other = pull + difference
     reached = radius * difference
-    stiff = radius * radius * (stiffness_for(a, pull + difference) + stiffness_for(b, pull))
+    stiff = square * (stiffness_for(a, other) + stiffness_for(b, pull))
     strongest = radius * (a[1] + b[1])
     cut, soft = is_limited(strongest, reached - torque, stiff - stiffness, stiffness)
-    return pressure_for(a, pull + difference), pressure_for(b, pull), reached, stiff, cut, soft
+    return pressure_for(a, other), pressure_for(b, pull), reached, stiff, cut, soft

@@ -38,7 +38,8 @@ def line_of_muscle(muscle: JointMuscle, length: float) -> Line:
     affine = muscle.affine_model
     if affine is not None:
         scale, passive = affine.coefficients(length)
-        return affine_line(scale, passive, *affine.coefficient_slopes(length), low, high)
+        rise, offset = affine.coefficient_slopes(length)
+        return affine_line(scale, passive, rise, offset, low, high)
     ends = [
         (each, float(model.force(each, length)), float(model.stiffness(each, length)))
         for each in (low, high)

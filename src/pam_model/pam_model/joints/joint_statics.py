@@ -19,13 +19,14 @@ from collections.abc import Callable, Sequence
 
 from pam_model.bounds import within
 from pam_model.errors import DomainError
-from pam_model.joints.affine_inverse import Line, is_limited
+from pam_model.joints.affine_inverse import Line, affine_pressures, is_limited
 from pam_model.joints.iterated_inverse import (
     iterated_pressures,
     line_of_muscle,
     pressures_of_lines,
 )
 from pam_model.joints.joint_muscle import JointMuscle, JointPressures
+from pam_model.joints.muscle_inverse import AGAINST_EACH_OTHER
 from pam_model.rig.types import Rig
 from pam_model.robot.compose import compose
 from pam_model.robot.robot import Robot, RobotJoint
@@ -83,6 +84,7 @@ class JointStatics:
             (muscle.model.force, muscle.neutral_length, arm, ratio)
             for muscle, arm, ratio in zip(self.muscles, self.arms, self.ratios, strict=True)
         )
+        self._is_pair = self.ratios == AGAINST_EACH_OTHER
         self._is_affine = all(muscle.affine_model is not None for muscle in muscles)
         ends = []
         for muscle, arm in zip(muscles, arms, strict=True):
@@ -330,10 +332,15 @@ class JointStatics:
         low, high = self.position_range
         inside = low if position < low else min(position, high)
         lines = self.lines(inside)
-        request = torque, stiffness
-        pressures, reached, stiff, cut, soft = pressures_of_lines(
-            lines, self.ratios, self.radius, *request
-        )
+        if self._is_pair:  # what the general inverse finds too, but more slowly
+            first, second, reached, stiff, cut, soft = affine_pressures(
+                lines[0], lines[1], self.radius, torque, stiffness
+            )
+            pressures: tuple[float, ...] = first, second
+        else:
+            pressures, reached, stiff, cut, soft = pressures_of_lines(
+                lines, self.ratios, self.radius, torque, stiffness
+            )
         if not self._is_affine:
             pressures = iterated_pressures(
                 self.muscles,
@@ -352,16 +359,11 @@ class JointStatics:
             cut, soft = is_limited(
                 self.radius * strongest, reached - torque, stiff - stiffness, stiffness
             )
-        return JointPressures(
-            pressures=pressures,
-            torque=reached,
-            stiffness=stiff,
-            torque_limited=cut,
-            stiffness_limited=soft,
-            position_limited=inside != position,
-        )
+        return JointPressures(pressures, reached, stiff, cut, soft, inside != position)
 
     def lines(self, position: float) -> list[Line]:
         """What each muscle does at a position [rad], in the range of its pressures."""
-        both = zip(self.muscles, self.lengths(position), strict=True)
-        return [line_of_muscle(muscle, length) for muscle, length in both]
+        return [
+            line_of_muscle(muscle, muscle.neutral_length - arm * position)
+            for muscle, arm in zip(self.muscles, self.arms, strict=True)
+        ]

@@ -181,6 +181,11 @@ def entry_point[F: Callable[..., Any]](function: F) -> F:
     return _compiled(function, cache=True)
 
 
+def fused_entry_point[F: Callable[..., Any]](function: F) -> F:
+    """An entry point that is compiled like `compiled_fused`, with all that it calls."""
+    return _compiled(function, cache=True, fused=True)
+
+
 def compiled_loop[F: Callable[..., Any]](function: F) -> F:
     """Compile a loop over lanes; it stays a function of its own, so that it becomes vector code."""
     return _compiled(function, cache=False, inlined=False)
@@ -234,6 +239,14 @@ def prepare(function: Any, *arguments: Any) -> None:
         function.compile(tuple(map(numba.typeof, arguments)))
 
 
+def listed_column(array: Any, place: int) -> list[Any]:
+    """The same of one number of each row, which may lie in further rows."""
+    if HAVE_NUMBA:
+        return array[..., place].tolist()  # type: ignore[no-any-return]
+    nested = isinstance(array[0][0], list)
+    return [listed_column(row, place) if nested else row[place] for row in array]
+
+
 def listed(array: Any) -> list[Any]:
     """What `for_kernel` made, as nested lists of Python floats."""
-    return array.tolist() if HAVE_NUMBA else array  # type: ignore[no-any-return]
+    return array if isinstance(array, list) else array.tolist()

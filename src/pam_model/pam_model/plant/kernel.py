@@ -20,7 +20,7 @@ from pam_model.physics.joint_geometry import (
     wound_angle,
 )
 from pam_model.physics.sine import sine
-from pam_model.plant.compiled import compiled, entry_point
+from pam_model.plant.compiled import compiled, entry_point, fused_entry_point
 from pam_model.plant.composition import dry_friction, joint_torque
 from pam_model.plant.joint_stage import joint_rates
 from pam_model.plant.layout import (
@@ -287,7 +287,7 @@ def take_sample(
             drive[1 + i] = (pressures[following][i] - pressures[k][i]) / sample_time
 
 
-@entry_point
+@fused_entry_point
 def run(
     c: Any,
     tables: Any,

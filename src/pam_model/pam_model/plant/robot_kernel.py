@@ -23,7 +23,7 @@ from typing import Any, Final
 from pam_model.body.contact import AT_HIGH, AT_LOW, FREE, HELD, settle_contacts, solve_moving
 from pam_model.body.hinge_tree import mass_and_bias
 from pam_model.physics.sine import sine
-from pam_model.plant.compiled import compiled, compiled_loop, entry_point
+from pam_model.plant.compiled import compiled, compiled_loop, fused_entry_point
 from pam_model.plant.composition import dry_friction
 from pam_model.plant.joint_stage import hinge_torques, reservoir_rate
 from pam_model.plant.kernel import (
@@ -276,7 +276,7 @@ def advance_robot(
     settle_robot(c, body, y, work, h)
 
 
-@entry_point
+@fused_entry_point
 def run_robot(
     c: Any,
     tables: Any,

@@ -50,10 +50,9 @@ class GasState(NamedTuple):
 
     def corrected(self, change: float) -> GasState:
         """The state with both pressures changed by `change` [Pa]."""
-        return self._replace(
-            at_sensor=max(self.at_sensor + change, LOWEST),
-            inside=max(self.inside + change, LOWEST),
-        )
+        at_sensor = max(self.at_sensor + change, LOWEST)
+        inside = max(self.inside + change, LOWEST)
+        return GasState(self.commands, self.spool, at_sensor, inside, self.spool_rate)
 
     def known(self, pressure: float) -> GasState:
         """The state with this pressure at the sensor and in the muscle [Pa absolute]."""
@@ -166,8 +165,11 @@ class ExpectedPressure:
         stroke = rate = 0.0
         for joint, slope, low, high in self._arms:
             position = positions[joint]
-            stroke += slope * min(max(position, low), high)
-            rate += slope * velocities[joint] if low < position < high else 0.0
+            if low < position < high:
+                stroke += slope * position
+                rate += slope * velocities[joint]
+            else:
+                stroke += slope * min(max(position, low), high)
         a, b, c, d = self._volume
         volume = ((a * stroke + b) * stroke + c) * stroke + d + self._dead_volume
         volume_rate = ((3.0 * a * stroke + 2.0 * b) * stroke + c) * rate
@@ -224,6 +226,8 @@ class ExpectedPressure:
     def _leaving(self, pressure: float) -> float:
         """Flow of the leaks [kg/s] at a pressure [Pa absolute]."""
         critical = self._valve.critical_ratio
+        if not self._leaks:
+            return 0.0
         return self._density * sum(
             law(pressure, self._ambient, critical, *values) for law, values in self._leaks
         )

@@ -23,10 +23,9 @@ from pam_driver.boards.canopen.device import (
 )
 from pam_driver.boards.canopen.dictionary import Dictionary, ObjectName
 from pam_driver.boards.canopen.reader import read_device
-from pam_driver.boards.protocol import Channel, Frame, KindOptions, WiredBoard
-from pam_driver.boards.samples import ANGLE_INPUT, PRESSURE_INPUT, SUPPLY_INPUT
+from pam_driver.boards.protocol import Frame, KindOptions, WiredBoard
 from pam_sim.boards.canopen_slave import SimulatedSlave
-from pam_sim.boards.protocol import BoardSettings, BoardValve, SimulatedBoard
+from pam_sim.boards.protocol import BoardSettings, BoardValve, SimulatedBoard, readings_of
 
 _DEVICE_HARDWARE: Final = 0x5000
 _GENERIC: Final = 0x01
@@ -122,11 +121,7 @@ class SimulatedCanopenDevice:
         slave = self.slave
         slave.poll(now)
         self._obey_state()
-        readings: dict[tuple[str, Channel], float] = {(SUPPLY_INPUT, ""): supply_pressure}
-        for wire, value in zip(self._wired.pressures, pressures, strict=True):
-            readings[PRESSURE_INPUT, wire.channel] = value
-        for angle, value in zip(self._wired.angles, angles, strict=True):
-            readings[ANGLE_INPUT, angle.channel] = value
+        readings = readings_of(self._wired, pressures, angles, supply_pressure)
         broken = any(math.isnan(value) for value in (*pressures, *angles))
         if broken is not self._broken and slave.state in {OPERATIONAL, READY, STOPPED}:
             self._broken = broken

@@ -25,8 +25,7 @@ from pam_driver.boards.mapped.device import (
 )
 from pam_driver.boards.mapped.kind import read_device
 from pam_driver.boards.protocol import Channel, Frame, KindOptions, WiredBoard
-from pam_driver.boards.samples import ANGLE_INPUT, PRESSURE_INPUT
-from pam_sim.boards.protocol import BoardSettings, BoardValve, SimulatedBoard
+from pam_sim.boards.protocol import BoardSettings, BoardValve, SimulatedBoard, readings_of
 
 _MAX_DBC_BYTES = 20_000_000
 _STATUS_PERIOD = 0.02  # s, of a message for which neither DBC nor rig file states a period
@@ -186,11 +185,7 @@ class SimulatedMappedBoard:
     ) -> list[Frame]:
         """Check the sensors and the time; return the frames that are due."""
         self._check(now, pressures, angles)
-        readings: dict[tuple[str, Channel], float] = {("supply", ""): supply_pressure}
-        for wire, value in zip(self._wired.pressures, pressures, strict=True):
-            readings[PRESSURE_INPUT, wire.channel] = value
-        for angle, value in zip(self._wired.angles, angles, strict=True):
-            readings[ANGLE_INPUT, angle.channel] = value
+        readings = readings_of(self._wired, pressures, angles, supply_pressure)
         news = (self._state(now), frozenset(self._faults))
         changed, self._state_sent = news != self._state_sent, news
         frames = []

@@ -14,7 +14,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
-from pam_driver.boards.protocol import Frame, KindOptions, WiredBoard
+from pam_driver.boards.protocol import Channel, Frame, KindOptions, WiredBoard
+from pam_driver.boards.samples import ANGLE_INPUT, PRESSURE_INPUT, SUPPLY_INPUT
 from pam_model.errors import PamError, RigError
 
 if TYPE_CHECKING:
@@ -95,6 +96,18 @@ class BoardValve:
     def command(self, fraction: float) -> float:
         """Plant command: gauge pressure [Pa], or spool -1..1."""
         return max(fraction, 0.0) * self.full_scale if self.is_regulator else fraction
+
+
+def readings_of(
+    wired: WiredBoard, pressures: Sequence[float], angles: Sequence[float], supply: float
+) -> dict[tuple[str, Channel], float]:
+    """What the inputs of a device measure, by kind and channel; the supply has no channel."""
+    found: dict[tuple[str, Channel], float] = {(SUPPLY_INPUT, ""): supply}
+    for wire, value in zip(wired.pressures, pressures, strict=True):
+        found[PRESSURE_INPUT, wire.channel] = value
+    for angle, value in zip(wired.angles, angles, strict=True):
+        found[ANGLE_INPUT, angle.channel] = value
+    return found
 
 
 class SimulatedBoard(Protocol):

@@ -16,8 +16,9 @@ from pam_model.rig import Rig
 from pam_model.robot import compose
 from pam_model.views.pressure_rate import filling_rate
 from pam_model.views.torque_balance import torque_scale
-from pam_sim.faults.fault_kind import FaultKind
 
+Ranges = Mapping[str, tuple[float, float]]
+"""Of each number of a fault, from which values are drawn."""
 _CONDUCTANCE: Final = 4e-9  # m^3/(s Pa), of the elbow's valves
 _PRESSURE: Final = 6e5  # Pa gauge, its highest
 _NOTICED: Final = 0.05442  # s, its limit of a deviation over the rate at which its valve fills
@@ -34,25 +35,22 @@ _OF_PRESSURE: Final = frozenset(
 )
 
 
-def ranges_on(kind: FaultKind, rig: Rig) -> Mapping[str, tuple[float, float]]:
-    """The ranges of a fault's parameters on a rig.
+def ranges_on(fault: str, ranges: Ranges, rig: Rig) -> Ranges:
+    """The ranges of a fault's numbers on a rig.
 
     Parameters
     ----------
-    kind : FaultKind
-        The fault.
+    fault : str
+        Its name.
+    ranges : mapping of str to (low, high)
+        Its ranges on the elbow.
     rig : Rig
         Its smallest leak or valve, its highest pressure and its strongest joint decide.
-
-    Returns
-    -------
-    mapping of str to (low, high)
-        In the units of `FaultKind.parameters`.
     """
     return {
         name: (low * size, high * size)
-        for name, (low, high) in kind.parameters.items()
-        for size in (_size(kind.name, name, rig),)
+        for name, (low, high) in ranges.items()
+        for size in (_size(fault, name, rig),)
     }
 
 

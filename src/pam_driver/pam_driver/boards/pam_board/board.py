@@ -86,7 +86,8 @@ class PamBoard(BoardMonitor):
     @property
     def host_fault(self) -> bool:
         """Whether the last status reported a latched fault of the host."""
-        return self.status is not None and BoardFault.HOST in self.status.faults
+        status = self.status
+        return status is not None and bool(status.faults) and BoardFault.HOST in status.faults
 
     def command(self, setpoints: Sequence[float] | None, now: float) -> Iterable[Frame]:
         """One valve command; a channel without a muscle is never enabled."""

@@ -105,6 +105,8 @@ class BoardCodec:
         layouts, board_count, self.watchdog_timeout = dbc
         self.board_count = board_count
         self._layouts = dict(layouts)
+        # the bits of enable switches, brake and dump valve in a valve command
+        self._switches: dict[tuple[tuple[bool, bool], bool, bool], int] = {}
         decoders: dict[str, Callable[[Layout, int, int], BoardMessage]] = {
             "BoardCommand": _decode_board_command,
             "ValveCommand": _decode_valve_command,
@@ -170,14 +172,11 @@ class BoardCodec:
         """
         frame_id = self.frame_id(type(message), board)
         layout = self._layouts[type(message).__name__]
-        fields = layout.fields
-        word = 0
         if isinstance(message, ValveCommand):
-            for field, fraction in zip(fields, message.valves, strict=False):
-                if not -1.0 <= fraction <= 1.0:
-                    raise EncodeError(f"{field.name} is {fraction}, expected -1 to 1 of full scale")
-            values: tuple[float, ...] = (*message.valves, *message.enable, *message[2:])
-        elif isinstance(message, Measurement):
+            return frame_id, self._payload(frame_id, layout, self._valve_command(layout, message))
+        word = 0
+        values: tuple[float, ...]
+        if isinstance(message, Measurement):
             values = (*message.pressures, message.position, message.counter)
         elif isinstance(message, Status):
             values = (
@@ -193,12 +192,30 @@ class BoardCodec:
             )
         else:
             values = tuple(message)
-        for field, value in zip(fields, values, strict=False):
+        for field, value in zip(layout.fields, values, strict=False):
             word |= field.bits(value)
+        return frame_id, self._payload(frame_id, layout, word)
+
+    def _payload(self, frame_id: int, layout: Layout, word: int) -> bytes:
+        """The bytes of a word, with the checksum if the frame has one."""
         payload = word.to_bytes(layout.length, "little")
         if frame_id in self._with_crc:
             payload = payload[:-1] + bytes((crc8(frame_id, payload[:-1]),))
-        return frame_id, payload
+        return payload
+
+    def _valve_command(self, layout: Layout, message: ValveCommand) -> int:
+        """The word of a valve command, which each board receives in each cycle."""
+        valve0, valve1, enable0, enable1, counter, brake, dump = layout.fields[:7]
+        (first, second), enable, count, release, close = message
+        if not (-1.0 <= first <= 1.0 and -1.0 <= second <= 1.0):
+            field, fraction = (valve1, second) if -1.0 <= first <= 1.0 else (valve0, first)
+            raise EncodeError(f"{field.name} is {fraction}, expected -1 to 1 of full scale")
+        switches = self._switches.get((enable, release, close))
+        if switches is None:  # few combinations come again and again
+            switches = enable0.bits(enable[0]) | enable1.bits(enable[1])
+            switches |= brake.bits(release) | dump.bits(close)
+            self._switches[enable, release, close] = switches
+        return valve0.bits(first) | valve1.bits(second) | counter.bits(count) | switches
 
     def raw_frame(
         self, board: int, message: type[BoardMessage], raw: Mapping[str, int]
@@ -219,10 +236,7 @@ class BoardCodec:
         word = 0
         for field in layout.fields:
             word |= (raw.get(field.name, 0) & field.mask) << field.shift
-        payload = word.to_bytes(layout.length, "little")
-        if frame_id in self._with_crc:
-            payload = payload[:-1] + bytes((crc8(frame_id, payload[:-1]),))
-        return frame_id, payload
+        return frame_id, self._payload(frame_id, layout, word)
 
     def decode(self, frame_id: int, data: bytes | bytearray) -> tuple[int, BoardMessage]:
         """Board number and message of a received frame.

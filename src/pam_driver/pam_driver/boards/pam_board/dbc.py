@@ -98,8 +98,14 @@ class Field:
 
     def value(self, word: int, frame_id: int) -> float:
         """The physical value, NaN if the raw value means "not available"."""
-        raw = self.raw(word, frame_id)
-        return math.nan if raw == self.missing else raw * self.factor + self.offset
+        raw = (word >> self.shift) & self.mask
+        if raw & self.sign:
+            raw -= self.mask + 1
+        if raw == self.missing:
+            return math.nan
+        if raw < self.low or raw > self.high:
+            self.raw(word, frame_id)  # says so
+        return raw * self.factor + self.offset
 
     def bits(self, value: float) -> int:
         """`value` as bits at its place; NaN becomes "not available" if the DBC has such a value."""

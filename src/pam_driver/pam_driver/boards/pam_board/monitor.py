@@ -145,12 +145,12 @@ class BoardMonitor:
 
     def silent(self, now: float, timeout: float) -> list[str]:
         """The kinds of frame that are missing."""
-        times = {
-            "measurement": self._measured_at,
-            "status": self._status_at,
-            "heartbeat": self._heartbeat_at,
-        }
-        return [kind for kind, time in times.items() if now - time > timeout]
+        times = (
+            ("measurement", self._measured_at),
+            ("status", self._status_at),
+            ("heartbeat", self._heartbeat_at),
+        )
+        return [kind for kind, time in times if now - time > timeout]
 
     def conditions(
         self, now: float, timeout: float, sensor_timeout: float, moving: bool

@@ -6,8 +6,15 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
+from pam_check.fault_kinds.fault_kind import (
+    BRAKING,
+    COMMANDS_STOP,
+    VENT,
+    FaultKind,
+    Reaction,
+    Stays,
+)
 from pam_model.effects import EFFECTS
-from pam_sim.faults.fault_kind import BRAKING, COMMANDS_STOP, VENT, FaultKind, Reaction, Stays
 
 HELD_LAYER: Final = "held joint"
 _K = FaultKind

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
-from typing import Final
+from typing import Any, Final
 
 from pam_driver.driver_settings import DriverSettings
 from pam_driver.safety.stop_categories import BRAKING_TIME
+from pam_sim.fault_injection import FAULTS
 
 _S: Final = DriverSettings()
 WATCHDOG: Final = 0.1  # s, WatchdogTimeout in the DBC
@@ -21,8 +22,6 @@ LOWERING: Final = _S.lowering_timeout
 SENSOR_STOPS: Final = _S.sensor_timeout + VENT
 BOARD_HEARS_NOTHING: Final = WATCHDOG + 0.010
 WATCH: Final = 1.0  # s, observation of a fault that need not vent
-MOMENT: Final = {"duration": (0.2, 0.8)}
-SHARE: Final = {"share": (0.05, 0.3), **MOMENT}
 
 
 class Reaction(Enum):
@@ -98,3 +97,8 @@ class FaultKind:
     boards: tuple[str, ...] = ()
     message: str = ""
     air_drives: bool = False
+
+
+def of_rig(name: str, layer: str, text: str, *rest: Any, **more: Any) -> FaultKind:
+    """A kind that the simulated rig brings about; its parameters are in `pam_sim`."""
+    return FaultKind(name, layer, text, FAULTS[name].ranges, *rest, **more)

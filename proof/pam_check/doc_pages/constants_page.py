@@ -1,4 +1,4 @@
-"""`pam gap rules`: the table of constants as a page of the documentation."""
+"""`pam check rules`: the table of constants as a page of the documentation."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ ACTS = {
 _HEAD = """# Constants of the diagnosis
 
 This page lists every hand-set constant that can change an answer of the diagnosis. It is written by
-`./pam gap rules` from `pam_gap.rules`, where the code reads the values.
+`./pam check rules` from `pam_gap.rules`, where the code reads the values.
 
 *Acts on* names the first step that a change of the constant affects:
 

@@ -1,6 +1,6 @@
 """Every fault that can be injected, as data: description, detection, required reaction, time limit.
 
-The table in docs/safety_tables.md is generated from this file (`pam sim fault-tables
+The table in docs/safety_tables.md is generated from this file (`pam check fault-tables
 docs/safety_tables.md`), and the fault campaign compares its measurements with the same numbers.
 """
 
@@ -9,20 +9,20 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
+from pam_check.fault_kinds.bus_and_board_kinds import BUS_AND_BOARD_KINDS
+from pam_check.fault_kinds.device_kinds import DEVICE_KINDS
+from pam_check.fault_kinds.fault_kind import STOPS, FaultKind
+from pam_check.fault_kinds.foreign_kinds import FOREIGN_KINDS
+from pam_check.fault_kinds.host_and_command_kinds import HOST_AND_COMMAND_KINDS
+from pam_check.fault_kinds.operator_kinds import HIDDEN_KINDS, OPERATOR_KINDS, while_held
+from pam_check.fault_kinds.output_kinds import OUTPUT_KINDS
+from pam_check.fault_kinds.people_kinds import PEOPLE_KINDS
+from pam_check.fault_kinds.reference_kinds import REFERENCE_KINDS
+from pam_check.fault_kinds.sensor_and_valve_kinds import SENSOR_AND_VALVE_KINDS
+from pam_check.fault_kinds.time_kinds import TIME_KINDS
 from pam_driver.safety.states import table_as_markdown as states_as_markdown
 from pam_driver.safety.tables_for_docs import categories_as_markdown, diagram_as_mermaid
 from pam_model.errors import PamError
-from pam_sim.faults.bus_and_board_kinds import BUS_AND_BOARD_KINDS
-from pam_sim.faults.device_kinds import DEVICE_KINDS
-from pam_sim.faults.fault_kind import STOPS, FaultKind
-from pam_sim.faults.foreign_kinds import FOREIGN_KINDS
-from pam_sim.faults.host_and_command_kinds import HOST_AND_COMMAND_KINDS
-from pam_sim.faults.operator_kinds import HIDDEN_KINDS, OPERATOR_KINDS, while_held
-from pam_sim.faults.output_kinds import OUTPUT_KINDS
-from pam_sim.faults.people_kinds import PEOPLE_KINDS
-from pam_sim.faults.reference_kinds import REFERENCE_KINDS
-from pam_sim.faults.sensor_and_valve_kinds import SENSOR_AND_VALVE_KINDS
-from pam_sim.faults.time_kinds import TIME_KINDS
 
 MARK: Final = "<!-- {} -->"
 # faults that are injected a second time while the joint is held away from its rest position

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from typing import Final
 
-from pam_sim.faults.fault_kind import (
+from pam_check.fault_kinds.fault_kind import (
     BOARD_HEARS_NOTHING,
     COMMANDS_STOP,
-    MOMENT,
-    SHARE,
     VENT,
     WATCH,
     FaultKind,
     Reaction,
 )
+from pam_sim.fault_injection import MOMENT, SHARE
 
 _K = FaultKind
 _R = Reaction

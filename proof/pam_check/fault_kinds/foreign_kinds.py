@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Final
 
-from pam_sim.faults.fault_kind import MOMENT, FaultKind, Reaction, Stays
-from pam_sim.faults.host_and_command_kinds import TURNS
+from pam_check.fault_kinds.fault_kind import FaultKind, Reaction, Stays
+from pam_check.fault_kinds.host_and_command_kinds import TURNS
+from pam_sim.fault_injection import MOMENT
 
 _K = FaultKind
 _R = Reaction

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Final
 
+from pam_check.fault_kinds.fault_kind import BRAKING, VENT, FaultKind, Reaction
 from pam_model.rig import People
-from pam_sim.faults.fault_kind import BRAKING, VENT, FaultKind, Reaction
 
 _K = FaultKind
 _R = Reaction

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from pam_sim.faults.fault_kind import FaultKind, Reaction, Stays
+from pam_check.fault_kinds.fault_kind import FaultKind, Reaction, Stays
 
 _K = FaultKind
 _R = Reaction

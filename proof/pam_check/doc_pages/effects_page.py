@@ -1,4 +1,4 @@
-"""`pam gap effects`: the page of effects, each with its signature drawn from the plant.
+"""`pam check effects`: the page of effects, each with its signature drawn from the plant.
 
 All pictures show the same rig under the same valve commands. Each picture shows the difference
 between the rig with the effect, of the size in the caption, and the ideal rig. This difference is
@@ -112,7 +112,7 @@ def page_text() -> str:
     lines = [
         "# The effects that a diagnosis can name",
         "",
-        "This page is written by `./pam gap effects`. All pictures show the rig of "
+        "This page is written by `./pam check effects`. All pictures show the rig of "
         "`config/elbow.yaml` under the same sequence of valve commands. Each picture shows the "
         "change that the effect causes: of the measured angle above, of the two measured pressures "
         "below. The first picture shows the motion without any effect:",
