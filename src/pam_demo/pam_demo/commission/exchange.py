@@ -88,10 +88,10 @@ def why_not(partial: PartialRig, mend: Mend) -> str:
         change = f"exchange board, channel, pressure_sensor and valve of {first.name} and "
         change += second.name
     elif mend is Mend.ENCODER and lower != -upper:
-        change = (
-            f"write muscles: [{second.name}, {first.name}], position_limits: [{-upper:g}, "
-            f"{-lower:g}], gravity_angle: {-joint.gravity_angle:g} for {joint.name}"
-        )
+        other = rewired(partial, mend).rig.to_parameters()[joint.name]
+        keys = ("muscles", "position_limits", "gravity_angle")
+        texts = [f"{key}: {other[key]}".replace("'", "") for key in keys]
+        change = f"write {', '.join(texts)} for {joint.name}"
     else:
         return ""
     return (
@@ -124,13 +124,7 @@ def rewired(partial: PartialRig, mend: Mend) -> PartialRig:
         ranges = {_moved(key, places): ends for key, ends in partial.ranges.items()}
         missing = frozenset(_moved(key, places) for key in partial.missing)
         return replace(partial, rig=rig, ranges=ranges, missing=missing)
-    lower, upper = joint.position_limits
-    joint = replace(
-        joint,
-        muscles=(second.name, first.name),
-        position_limits=(-upper, -lower),
-        gravity_angle=-joint.gravity_angle,
-    )
+    joint = joint.counted_the_other_way()
     rig = replace(rig, joints=(joint,), muscles=(second, first))  # the agonist comes first
     angle = f"{joint.name}.gravity_angle"
     ranges = {

@@ -252,6 +252,16 @@ class Joint:
         _check(self, "joint", self.name)
         _check_effects(self.effects, "joint", self.name)
 
+    def counted_the_other_way(self) -> Joint:
+        """The same joint for an encoder that counts the other way: its muscles change sides."""
+        lower, upper = self.position_limits
+        return replace(
+            self,
+            muscles=(self.antagonist, self.agonist),
+            position_limits=(-upper, -lower),
+            gravity_angle=-self.gravity_angle,
+        )
+
     @property
     def agonist(self) -> str:
         """Name of the muscle that pulls towards positive positions."""
