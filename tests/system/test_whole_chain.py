@@ -206,4 +206,4 @@ def subscribed(suite: object) -> bool:
     """Whether somebody beside this test and the nodes listens to the driver."""
     node = suite.probe.node  # type: ignore[attr-defined]
     infos = node.get_subscriptions_info_by_topic("/joint_stiffness")
-    return any(info.node_name == "recorder" for info in infos)
+    return any(info.node_name == "pam_record" for info in infos)
