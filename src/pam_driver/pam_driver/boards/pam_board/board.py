@@ -178,16 +178,19 @@ class PamBoard(BoardMonitor):
 
     def _hear_measurement(self, data: bytes, time: float, stamp: float) -> None:
         _, message = self._codec.decode(self._measurement_id, data)
-        self.hear_measurement(message, time, stamp)  # type: ignore[arg-type]
+        assert isinstance(message, Measurement)  # as of every frame with this identifier
+        self.hear_measurement(message, time, stamp)
 
     def _hear_status(self, data: bytes, time: float, stamp: float) -> None:
         _, message = self._codec.decode(self._status_id, data)
-        self.hear_status(message, time)  # type: ignore[arg-type]
-        self._echo_delay.heard(message.command_counter, time)  # type: ignore[union-attr]
+        assert isinstance(message, Status)
+        self.hear_status(message, time)
+        self._echo_delay.heard(message.command_counter, time)
 
     def _hear_heartbeat(self, data: bytes, time: float, stamp: float) -> None:
         _, message = self._codec.decode(self._heartbeat_id, data)
-        self.hear_heartbeat(message, time)  # type: ignore[arg-type]
+        assert isinstance(message, Heartbeat)
+        self.hear_heartbeat(message, time)
 
     def _foreign(self, frame_id: int) -> Hear:
         def hear(data: bytes, time: float, stamp: float) -> None:
