@@ -89,7 +89,6 @@ class SensorChecks:
         self._limits = robot.plausibility
         self._robot = robot
         share = self._limits.warning_share
-        self._supplies: Sequence[float] = ()  # about which there was nothing to say
         self._pressures = tuple(
             _Signal(
                 by_size.pressure_rate_limit(robot, one) * _SHORTEST_GAP,
@@ -129,10 +128,7 @@ class SensorChecks:
         for place, (signal, sample) in enumerate(zip(self._positions, positions, strict=True)):
             if signal.update(sample, now):
                 found += self._of_position(place, signal, now)
-        if supply_pressures != self._supplies:
-            of_supply = list(self._supply(supply_pressures))
-            self._supplies = () if of_supply else supply_pressures
-            found += of_supply
+        found += self._supply(supply_pressures)
         return found
 
     def _of_pressure(
