@@ -113,7 +113,7 @@ def rewired(partial: PartialRig, mend: Mend) -> PartialRig:
     rig, joint = partial.rig, partial.rig.joints[0]
     first, second = (rig.muscle(name) for name in joint.muscles)
     if mend is Mend.HOSES:
-        for one, other in ((first, second), (second, first)):
+        for one, other in _both(first, second):
             rig = rig.with_muscle(
                 replace(
                     one, valve=other.valve, board=other.board, channel=other.channel,
