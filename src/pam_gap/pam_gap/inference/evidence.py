@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 
 from pam_gap.inference.score import Score
-from pam_gap.inference.search_growth import GrowthStep
 from pam_gap.prediction.fit import Array
 from pam_gap.prediction.locate import StageGap
 from pam_gap.recordings.array_files import npz_arrays
@@ -43,8 +42,6 @@ class Evidence[S: Score]:
     tried: tuple[S, ...]  # scores of the finalists after the search
     singles: tuple[str, ...]  # all effects, in the order of their levels as single effects
     stages: tuple[StageGap, ...]  # the gap of each stage
-    # state at each decision to seek one more effect, and whether it was sought
-    growth: tuple[tuple[GrowthStep, bool], ...]
     unlisted: tuple[S, ...] = ()  # scores of causes outside the table of effects
     # index in `tried` -> score after the last fit, for the hypotheses that had one
     settled: Mapping[int, S] = field(default_factory=dict)
@@ -79,7 +76,6 @@ class Evidence[S: Score]:
             "improved_for": self.improved_for,
             "singles": list(self.singles),
             "stages": [[s.stage, s.inputs, s.gap_over_floor, s.note] for s in self.stages],
-            "growth": [[*step.to_list(), went_on] for step, went_on in self.growth],
         }
         np.savez_compressed(
             path,
@@ -142,7 +138,6 @@ def _of(path: Path, file: Mapping[str, Any]) -> Evidence[Score]:
         tried=tuple(scores[2:end]),
         singles=tuple(about["singles"]),
         stages=tuple(StageGap(*entry) for entry in about["stages"]),
-        growth=tuple((GrowthStep(*entry[:-1]), bool(entry[-1])) for entry in about["growth"]),
         unlisted=tuple(scores[settled_end:last]),
         settled=dict(zip(about["settled"], scores[end:settled_end], strict=True)),
         improved=next(iter(scores[last:]), None),

@@ -12,18 +12,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from pam_gap.inference.decision import Judge
+from pam_gap.inference.evidence import Evidence
 from pam_gap.inference.hypothesis import Hypothesis, HypothesisFitter
-from pam_gap.inference.logistic import logistic
+from pam_gap.inference.posterior import posterior
 from pam_gap.inference.score import Score
 from pam_gap.prediction.fit import mean_squares
 from pam_gap.rules import DEFAULT
 from pam_gap.rules.search_rules import SearchRules
+from pam_gap.rules.statement import Statement
 from pam_model.plant.written_numbers import LENGTHS
 from pam_model.rig import Rig
+
+WRONG_LENGTHS = "wrong lengths"
+"""Name of the cause that lengths beyond the tolerance of a ruler are."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,26 +71,28 @@ def as_measured(rig: Rig, rules: SearchRules = DEFAULT.search) -> Rig:
 
 
 def probability_of_lengths(
-    judge: Judge, loose: Score, lengths: LooseLengths, tight: Score
+    evidence: Evidence[Any], loose: Score, lengths: LooseLengths, statement: Statement
 ) -> float:
-    """Probability that wrong lengths are the explanation, rather than a hypothesis without them.
+    """Probability that wrong lengths are the explanation, rather than one without them.
 
     Parameters
     ----------
-    judge : Judge
-        Of the hypothesis without them.
+    evidence : Evidence
+        What the search with lengths as measured found.
     loose : Score
         Score of the hypothesis with loose lengths; they count as one more cause.
     lengths : LooseLengths
         These lengths.
-    tight : Score
-        Score of the hypothesis without loose lengths.
+    statement : Statement
+        What is believed beforehand.
     """
-    rules = judge.rules
-    energy = judge.level(loose) + rules.price * (loose.free_numbers + lengths.numbers)
-    energy += rules.further_gain * loose.size
-    width = rules.temperature * rules.tempering
-    return logistic((judge.energy(tight) - energy) / width)
+    one_more = replace(
+        loose,
+        effects=(*loose.effects, WRONG_LENGTHS),
+        free_numbers=loose.free_numbers + lengths.numbers,
+    )
+    found = posterior(replace(evidence, tried=(*evidence.tried, one_more)), statement)
+    return sum(p for name, p in found.items() if WRONG_LENGTHS in name.split(" + "))
 
 
 def shared_probabilities(

@@ -12,22 +12,20 @@ that no member spans (Kennedy and O'Hagan, J. R. Statist. Soc. B 63, 2001).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from math import comb, log
 from typing import Any
 
 import numpy as np
-from scipy.special import logsumexp
 
-from pam_check.blind.statement import Statement
 from pam_gap.inference.evidence import Evidence
+from pam_gap.inference.log_sum_exp import logsumexp
 from pam_gap.inference.probabilities import NONE, UNKNOWN
 from pam_gap.inference.score import Score
 from pam_gap.prediction.fit import Array
-from pam_gap.prediction.locate import worst_stage
-from pam_gap.rules import DEFAULT
+from pam_gap.rules.statement import Statement
 from pam_model.effects import EFFECTS
 
 SHARP = frozenset(name for name, effect in EFFECTS.items() if effect.search.is_sharp)
@@ -110,7 +108,17 @@ def log_likelihood_of_unknown(
     return float(logsumexp(density.sum(axis=-1), b=_SIZE_WEIGHTS))
 
 
-def posterior(evidence: Evidence[Score], statement: Statement) -> dict[str, float]:
+def _with_more(scores: Sequence[Score], likelihood: Array) -> Array:
+    """Log likelihoods of hypotheses, raised where a cause is at the end of its range.
+
+    Physics ends the range, but only roughly. With more of the cause, the hypothesis would explain
+    something between what it does and what the likeliest one does: the middle of both is taken.
+    """
+    ends = [not {*score.causes}.isdisjoint(score.cut_off) for score in scores]
+    return np.where(ends, 0.5 * (likelihood + likelihood.max()), likelihood)
+
+
+def posterior(evidence: Evidence[Any], statement: Statement) -> dict[str, float]:
     """Probability of each explanation, largest first; their names are those of diagnosis.json.
 
     Of several hypotheses with the same causes, the likeliest counts.
@@ -141,6 +149,7 @@ def posterior(evidence: Evidence[Score], statement: Statement) -> dict[str, floa
     is_sharp = np.array([SHARP.issuperset(one.causes) and not one.unlisted for one in scores])
     price = statement.number_price * np.array([score.free_numbers for score in scores])
     likelihood = log_likelihood(left, noise, background, change, is_sharp, statement) - price
+    likelihood = _with_more(scores, likelihood)
     outside = log(statement.outside)
     found = {UNKNOWN: outside + log_likelihood_of_unknown(without, noise, background, statement)}
     for score, value in zip(scores, likelihood.tolist(), strict=True):
@@ -202,33 +211,3 @@ def least_cost(probabilities: Mapping[str, float], statement: Statement) -> Choi
         choices,
         key=lambda one: sum(p * one.cost(truth, statement) for truth, p in probabilities.items()),
     )
-
-
-def believed_answer(evidence: Evidence[Score], statement: Statement) -> dict[str, Any]:
-    """The part of diagnosis.json that the blind check scores, by the statement."""
-    probabilities = posterior(evidence, statement)
-    choice = least_cost(probabilities, statement)
-    causes: dict[str, float] = {}
-    for name, p in probabilities.items():
-        for effect in {*name.split(" + ")} - {NONE, UNKNOWN}:
-            causes[effect] = causes.get(effect, 0.0) + p
-    ranked = sorted(causes, key=lambda effect: -causes[effect])
-    named = [e for one in choice.sets for e in ranked if e in one]
-    effects = list(dict.fromkeys(named))
-    groups = []
-    if len(choice.sets) > 1:
-        certain = frozenset.intersection(*choice.sets)
-        groups.append([e for e in effects if e not in certain])
-    stage: str | None = EFFECTS[effects[0]].stage if effects else None
-    if choice.verdict == UNKNOWN:
-        stage = worst_stage(evidence.stages, DEFAULT.prediction.stage_from)
-    order = [*effects, *(e for e in ranked if e not in effects)]
-    return {
-        "verdict": choice.verdict,
-        "stage": stage,
-        "effects": effects,
-        "candidates": [[effect, causes[effect]] for effect in order],
-        "indistinguishable": groups,
-        "probabilities": probabilities,
-        "closed": None,
-    }

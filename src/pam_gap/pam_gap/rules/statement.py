@@ -1,8 +1,7 @@
 """What is believed about a rig before its recording is seen; docs/what_we_believe.md is its page.
 
-The statement is generative: rigs could be drawn from it. `pam_gap.inference.posterior` turns it into
-probabilities of sets of causes, and into the answer with the least expected cost. It does not
-decide in the product: `pam check decide-again` shows its answers next to those of the rules.
+The statement is generative: rigs could be drawn from it. `pam_gap.inference.posterior` turns it
+into probabilities of sets of causes, and into the answer with the least expected cost.
 """
 
 from __future__ import annotations
