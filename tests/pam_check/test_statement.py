@@ -9,11 +9,13 @@ import numpy as np
 import pytest
 
 from pam_check.blind.calibrate_statement import believed, calibrated
-from pam_check.blind.posterior import Choice, believed_answer, least_cost, log_likelihood, posterior
 from pam_check.blind.sensitivity import Campaign
-from pam_check.blind.statement import STATEMENT
+from pam_gap.inference.decide import decide
 from pam_gap.inference.evidence import Evidence
+from pam_gap.inference.posterior import Choice, least_cost, log_likelihood, posterior
 from pam_gap.inference.score import Score
+from pam_gap.rules import DEFAULT
+from pam_gap.rules.statement import STATEMENT
 from pam_model.effects import EFFECTS
 
 CHANNELS, BLOCKS = 3, 12
@@ -38,15 +40,14 @@ def evidence(nominal: float, *tried: Score, unlisted: tuple[Score, ...] = ()) ->
         tried=tried,
         singles=("creep", "hysteresis", "leakage"),
         stages=(),
-        growth=(),
         unlisted=unlisted,
     )
 
 
 def verdict(kept: Evidence[Score]) -> tuple[str, list[str]]:
-    answer = believed_answer(kept, STATEMENT)
-    assert sum(answer["probabilities"].values()) == pytest.approx(1.0)
-    return answer["verdict"], answer["effects"]
+    answer = decide(kept, DEFAULT)
+    assert sum(answer.probabilities.values()) == pytest.approx(1.0)
+    return answer.verdict, list(answer.effects)
 
 
 def test_an_ordinary_rig_needs_no_cause() -> None:

@@ -88,7 +88,7 @@ def test_a_cause_outside_every_set_is_named_beside_them() -> None:
 
 def test_an_unknown_cause_says_what_the_best_known_effect_leaves() -> None:
     best = ScoredCandidate(
-        ("dead_volume", "leakage"), 0.9, CLOSED, level=4.0, over_floor=(2.0, 7.3, 1.1)
+        ("dead_volume", "leakage"), CLOSED, level=4.0, over_floor=(2.0, 7.3, 1.1)
     )
     unknown = replace(FOUND, verdict="unknown", effects=(), closed=None, ranking=(best,))
     assert verdict_sentence(unknown) == (
@@ -99,7 +99,7 @@ def test_an_unknown_cause_says_what_the_best_known_effect_leaves() -> None:
 
 
 def test_a_cause_outside_the_table_is_told_with_the_unknown() -> None:
-    best = ScoredCandidate(("position_offset",), 0.9, CLOSED, level=4.0, over_floor=(2.0,))
+    best = ScoredCandidate(("position_offset",), CLOSED, level=4.0, over_floor=(2.0,))
     name = "an eccentricity of the encoder"
     unknown = replace(
         FOUND, verdict="unknown", effects=(), closed=None, ranking=(best,), looks_like=name

@@ -99,7 +99,7 @@ def _declare_sensitivity(parser: Parser) -> None:
         action="append",
         default=[],
         metavar="CONSTANT",
-        help="only this constant, for example decision.no_gap; may be given several times",
+        help="only this constant, for example statement.outside; may be given several times",
     )
     parser.add_argument(
         "--workers",
@@ -184,7 +184,7 @@ COMMANDS = (
     ),
     Command(
         "decide-again",
-        "decide a finished campaign again, with the rules of this version and by belief",
+        "decide a finished campaign again, and show what changes",
         _declare_decide_again,
         _decide_again,
         examples=("pam check decide-again out/blind",),

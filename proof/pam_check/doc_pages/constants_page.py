@@ -8,10 +8,11 @@ from pam_model.command_line import Arguments, Outcome
 
 PAGE = "constants_of_the_diagnosis.md"
 GROUPS = {
+    "statement": "Statement of belief",
     "recording": "Noise of the channels",
     "prediction": "Prediction and fit",
     "search": "Search and held-out scores",
-    "decision": "Decision",
+    "decision": "Background, what matters, and intervals",
     "experiment": "Next experiment",
     "fleet": "Many recordings over time",
 }
@@ -22,7 +23,7 @@ ACTS = {
 }
 _HEAD = """# Constants of the diagnosis
 
-This page lists every hand-set constant that can change an answer of the diagnosis. It is written by
+This page lists every constant that can change an answer of the diagnosis. It is written by
 `./pam check rules` from `pam_gap.rules`, where the code reads the values.
 
 *Acts on* names the first step that a change of the constant affects:

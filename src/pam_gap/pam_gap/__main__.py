@@ -116,6 +116,15 @@ def _declare_diagnose(parser: Parser) -> None:
         metavar="SHARE",
         help="share of the motion below which a gap does not matter (default: 0.001)",
     )
+    parser.add_argument(
+        "--belief",
+        type=named_number,
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="a cost of an answer or a probability beforehand, such as false_name=3 "
+        "(docs/what_we_believe.md); may be given several times",
+    )
     _add_work(parser, "one per processor")
     parser.add_argument(
         "--keep-evidence",

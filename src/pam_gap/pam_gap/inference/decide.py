@@ -173,14 +173,15 @@ def cut_off_rivals[S: Score](evidence: Evidence[Any], verdict: Verdict[S], least
         Those that explain most of the gap and share no cause with what is named, the one that
         explains most first; none if nothing is named.
     """
-    if verdict.named is None:
+    named = verdict.named
+    if named is None:
         return []
     judge = verdict.judge
     usual, most = judge.usual(evidence.nominal, verdict.tried), judge.rules.decision.most_of_the_gap
     rivals = [
         score
         for score in verdict.tried
-        if {*verdict.effects}.isdisjoint(score.causes)
+        if {*named.causes}.isdisjoint(score.causes)
         and not {*score.causes}.isdisjoint(score.cut_off)
         and judge.share_removed(usual, score) >= most
         and verdict.probabilities[explanation(score)] >= least

@@ -73,3 +73,7 @@ CALIBRATED = (
     "sharp_law_error", "law_error", "law_spread",
 )  # fmt: skip
 """Numbers that `pam check calibrate-statement` finds from drawn rigs."""
+BY_USER = (
+    "nothing", "one", "two", "three", "outside", "false_name", "silence", "further_name",
+)  # fmt: skip
+"""Probabilities beforehand, of which only the ratios count, and costs: `diagnose --belief`."""

@@ -16,6 +16,7 @@ from pam_gap.rules.rule import DECISION
 from pam_gap.rules.search_rules import SearchRules
 from pam_gap.rules.statement import CALIBRATED, STATEMENT, Statement
 from pam_model.errors import PamError
+from pam_model.names import unknown
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,8 +132,7 @@ def changed(path: str, value: float, rules: Rules = DEFAULT) -> Rules:
     """
     entry = next((one for one in table(rules) if one.path == path), None)
     if entry is None:
-        known = ", ".join(one.path for one in table(rules))
-        raise PamError(f"no rule {path!r}; the rules are {known}")
+        raise PamError(unknown("constant", path, (one.path for one in table(rules))))
     if entry.group == "statement" and not (math.isfinite(value) and value > 0.0):
         raise PamError(f"{path}={value:g}: expected a number above 0")
     part: Any = getattr(rules, entry.group)
