@@ -66,6 +66,13 @@ def test_two_that_explain_alike_are_both_told() -> None:
     assert verdict(kept) == ("ambiguous", ["creep", "leakage"])
 
 
+def test_with_or_without_a_second_cause_is_one_answer() -> None:
+    both = score(("creep", "leakage"), 0.85)
+    found = decide(evidence(9.0, score(("creep",), 1.4), both), DEFAULT)
+    assert found.verdict == "ambiguous"
+    assert found.indistinguishable == (("leakage",),)
+
+
 def test_a_second_cause_must_pay_for_its_prior() -> None:
     both = ("creep", "leakage")
     for left, named in ((1.45, ["creep"]), (0.7, ["creep", "leakage"])):

@@ -7,6 +7,7 @@ from dataclasses import replace
 import pytest
 
 from pam_gap.answer.diagnosis import ChannelGap, Diagnosis, ScoredCandidate
+from pam_gap.answer.headline import headline
 from pam_gap.answer.sentences import verdict_sentence
 from pam_gap.inference.confidence import Interval
 from pam_gap.prediction.materiality import GapSize
@@ -84,6 +85,21 @@ def test_a_cause_outside_every_set_is_named_beside_them() -> None:
         "Coulomb friction (joint stage). A further cause is payload (joint stage). The best "
         "hypothesis explains 94 % of the gap on held-out data."
     )
+
+
+def test_a_cause_that_may_be_a_further_one_is_told_as_such() -> None:
+    ambiguous = replace(
+        FOUND,
+        verdict="ambiguous",
+        effects=("hysteresis", "payload"),
+        indistinguishable=(("payload",),),
+        probabilities={"hysteresis": 0.5, "hysteresis + payload": 0.5},
+    )
+    assert verdict_sentence(ambiguous).startswith(
+        "The cause is hysteresis (muscle stage, 100 %). What this recording does not show is "
+        "whether there is a further one: payload (joint stage, 50 %)."
+    )
+    assert headline(ambiguous) == "Hysteresis, perhaps with payload"
 
 
 def test_an_unknown_cause_says_what_the_best_known_effect_leaves() -> None:

@@ -244,6 +244,14 @@ def _closes(diagnosis: Diagnosis, subject: str) -> str:
 def _ambiguous(diagnosis: Diagnosis) -> str:
     open_effects = {effect for group in diagnosis.indistinguishable for effect in group}
     sure = [effect for effect in diagnosis.effects if effect not in open_effects]
+    if sure and all(len(group) == 1 for group in diagnosis.indistinguishable):
+        subject = "The cause is" if len(sure) == 1 else "The causes are"
+        more = _with_stages(diagnosis, sorted(open_effects, key=diagnosis.effects.index))
+        return (
+            f"{subject} {_with_stages(diagnosis, sure)}. What this recording does not show is "
+            f"whether there is a further one: {more}."
+            f"{_closes(diagnosis, 'The best hypothesis explains')}"
+        )
     groups = ", or between ".join(
         _with_stages(diagnosis, group) for group in diagnosis.indistinguishable
     )

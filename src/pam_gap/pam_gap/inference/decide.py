@@ -40,7 +40,8 @@ class Verdict[S: Score]:
     tried: tuple[S, ...]  # all final scores
     stage: str | None  # stage of the first effect; for `unknown`, the one with the largest gap
     effects: tuple[str, ...]  # effects that the verdict names, most probable first
-    # sets of effects between which the data cannot distinguish
+    # sets of effects between which the data cannot distinguish; an effect alone in its set may be
+    # present or not
     indistinguishable: tuple[tuple[str, ...], ...]
     # every effect with its probability: the named ones first, then the most probable first
     candidates: tuple[tuple[str, float], ...]
@@ -117,6 +118,17 @@ def _looks_like(evidence: Evidence[Any], statement: Statement) -> str:
     return likely.unlisted
 
 
+def _open_sets(choice: Choice, effects: Sequence[str]) -> tuple[tuple[str, ...], ...]:
+    """The effects that are in some of the sets of an answer only, as sets of alternatives."""
+    if not choice.sets:
+        return ()
+    certain = frozenset.intersection(*choice.sets)
+    left = tuple(effect for effect in effects if effect not in certain)
+    if certain in choice.sets:  # nothing more may be the answer as well
+        return tuple((effect,) for effect in left)
+    return (left,)
+
+
 def decide[S: Score](evidence: Evidence[S], rules: Rules) -> Verdict[S]:
     """The verdict about this evidence, with these rules."""
     judge, nominal = judge_of(evidence, rules), evidence.nominal
@@ -126,8 +138,6 @@ def decide[S: Score](evidence: Evidence[S], rules: Rules) -> Verdict[S]:
     causes = cause_probabilities(found, {*EFFECTS})
     named = [[e for e in causes if e in one] for one in choice.sets]
     effects = tuple(dict.fromkeys(e for one in named for e in one))
-    certain = frozenset.intersection(*choice.sets) if choice.sets else frozenset()
-    open_ones = tuple(e for e in effects if e not in certain)
     names = [" + ".join(sorted(one)) for one in choice.sets]
     if choice.verdict == NONE:
         names = [NONE]
@@ -147,7 +157,7 @@ def decide[S: Score](evidence: Evidence[S], rules: Rules) -> Verdict[S]:
         tried=tuple(tried),
         stage=stage,
         effects=effects,
-        indistinguishable=(open_ones,) if open_ones else (),
+        indistinguishable=_open_sets(choice, effects),
         candidates=tuple((effect, causes.get(effect, 0.0)) for effect in order),
         probabilities=found,
         looks_like=_looks_like(evidence, rules.statement) if choice.verdict == UNKNOWN else "",
