@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import contextlib
 from dataclasses import FrozenInstanceError, replace
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 
 import pam_gap
+from pam_gap.__main__ import main
 from pam_gap.inference.decide import close_calls, decide, decided_answer
 from pam_gap.inference.evidence import Evidence, load_evidence
 from pam_gap.inference.score import Score
@@ -87,9 +89,34 @@ def test_another_constant_gives_another_verdict(
     assert found["effects"] == effects
 
 
-def test_costs_that_make_no_sense_are_refused() -> None:
-    with pytest.raises(PamError, match=r"statement\.silence=-1: expected a number above 0"):
-        changed("statement.silence", -1.0)
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ("silence=-1", "statement.silence=-1: expected a number above 0"),
+        ("outside=nan", "statement.outside=nan: expected a number above 0"),
+        ("law_error=0.1", "unknown belief 'law_error'"),
+        ("outsid=0.1", "did you mean outside"),
+        ("outside", "expected NAME=NUMBER"),
+    ],
+)
+def test_beliefs_that_make_no_sense_are_refused(
+    given: str, told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("log.csv", "rig.yaml"):
+        (tmp_path / name).touch()
+    files = [str(tmp_path / "log.csv"), "--rig", str(tmp_path / "rig.yaml")]
+    arguments = ["diagnose", *files, "--out", str(tmp_path / "out"), "--belief", given]
+    with contextlib.suppress(SystemExit):  # of a mistake in the form
+        assert main(arguments) == 2
+    assert told in capsys.readouterr().err
+
+
+def test_a_cost_that_is_set_reaches_the_decision() -> None:
+    weak = evidence(nominal=score((), 1.3), tried=(score(("creep",), 1.1),), settled={})
+    assert answer(weak)["verdict"] == "named"
+    dear = changed("statement.false_name", 30.0)
+    assert answer(weak, dear)["verdict"] == "none"
+    assert answer(weak, dear)["probabilities"] == answer(weak)["probabilities"]
 
 
 def test_a_wider_spread_widens_the_interval_alone() -> None:
