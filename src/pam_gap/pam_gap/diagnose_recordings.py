@@ -300,9 +300,7 @@ def _likelier(
         return loose, answer
     if other.verdict not in ("named", "ambiguous"):
         return loose, answer
-    share = probability_of_lengths(
-        tight.evidence, loose.answer, loose.lengths, tight.rules.statement
-    )
+    share = probability_of_lengths(tight.evidence, loose.answer, tight.rules.statement)
     if share > 0.5:
         return loose, answer
     assumed = tight.rig.length_tolerance or 0.0

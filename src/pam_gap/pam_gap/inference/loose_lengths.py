@@ -39,7 +39,6 @@ class LooseLengths:
     share: float  # share of the RMS error that the lengths remove
     channel: str  # channel of this error
     tolerance: float  # relative tolerance that was assumed for them
-    numbers: int  # number of lengths that were fitted
 
     @property
     def caution(self) -> str:
@@ -70,26 +69,23 @@ def as_measured(rig: Rig, rules: SearchRules = DEFAULT.search) -> Rig:
     return replace(rig, length_tolerance=min(rules.ruler, rig.parameter_tolerance))
 
 
-def probability_of_lengths(
-    evidence: Evidence[Any], loose: Score, lengths: LooseLengths, statement: Statement
-) -> float:
+def probability_of_lengths(evidence: Evidence[Any], loose: Score, statement: Statement) -> float:
     """Probability that wrong lengths are the explanation, rather than one without them.
+
+    They count as one more cause. Numbers of the rig file have no price in any explanation.
 
     Parameters
     ----------
     evidence : Evidence
         What the search with lengths as measured found.
     loose : Score
-        Score of the hypothesis with loose lengths; they count as one more cause.
-    lengths : LooseLengths
-        These lengths.
+        Score of the hypothesis with loose lengths.
     statement : Statement
         What is believed beforehand.
     """
     one_more = replace(
         loose,
         effects=(*loose.effects, WRONG_LENGTHS),
-        free_numbers=loose.free_numbers + lengths.numbers,
     )
     found = posterior(replace(evidence, tried=(*evidence.tried, one_more)), statement)
     return sum(p for name, p in found.items() if WRONG_LENGTHS in name.split(" + "))
@@ -141,5 +137,4 @@ def loose_lengths(fitter: HypothesisFitter, hypothesis: Hypothesis) -> LooseLeng
         float(removed[most]),
         problem.names[most],
         rig.parameter_tolerance,
-        len(lengths),
     )
