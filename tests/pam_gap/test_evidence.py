@@ -95,7 +95,7 @@ def test_another_constant_gives_another_verdict(
         ("silence=-1", "statement.silence=-1: expected a number above 0"),
         ("outside=nan", "statement.outside=nan: expected a number above 0"),
         ("law_error=0.1", "unknown belief 'law_error'"),
-        ("outsid=0.1", "did you mean outside"),
+        ("out_side=0.1", "did you mean outside"),
         ("outside", "expected NAME=NUMBER"),
     ],
 )

@@ -102,7 +102,7 @@ def _beliefs(statement: Statement) -> list[RuleEntry]:
             name=one.name,
             value=getattr(statement, one.name),
             unit="-",
-            decides=texts[one.name],
+            decides=texts.get(one.name, ""),
             trades="See [what we believe](what_we_believe.md).",
             origin="Calibrated by `./pam check calibrate-statement`."
             if one.name in CALIBRATED
