@@ -108,14 +108,14 @@ def log_likelihood_of_unknown(
     return float(logsumexp(density.sum(axis=-1), b=_SIZE_WEIGHTS))
 
 
-def _with_more(scores: Sequence[Score], likelihood: Array) -> Array:
-    """Log likelihoods of hypotheses, raised where a cause is at the end of its range.
+def _with_more(scores: Sequence[Score], believed: Array) -> Array:
+    """Log probabilities of hypotheses, raised where a cause is at the end of its range.
 
-    Physics ends the range, but only roughly. With more of the cause, the hypothesis would explain
-    something between what it does and what the likeliest one does: the middle of both is taken.
+    Physics ends the range, but only roughly. With more of the cause, the hypothesis would be
+    something between as probable as it is and as the most probable one: the middle is taken.
     """
     ends = [not {*score.causes}.isdisjoint(score.cut_off) for score in scores]
-    return np.where(ends, 0.5 * (likelihood + likelihood.max()), likelihood)
+    return np.where(ends, 0.5 * (believed + believed.max()), believed)
 
 
 def posterior(evidence: Evidence[Any], statement: Statement) -> dict[str, float]:
@@ -149,16 +149,20 @@ def posterior(evidence: Evidence[Any], statement: Statement) -> dict[str, float]
     is_sharp = np.array([SHARP.issuperset(one.causes) and not one.unlisted for one in scores])
     price = statement.number_price * np.array([score.free_numbers for score in scores])
     likelihood = log_likelihood(left, noise, background, change, is_sharp, statement) - price
-    likelihood = _with_more(scores, likelihood)
     outside = log(statement.outside)
     found = {UNKNOWN: outside + log_likelihood_of_unknown(without, noise, background, statement)}
-    for score, value in zip(scores, likelihood.tolist(), strict=True):
+    beforehand = [
+        outside - log(len(evidence.unlisted))
+        if score.unlisted
+        else prior[min(score.size, len(prior) - 1)]
+        for score in scores
+    ]
+    every = _with_more(scores, likelihood + np.array(beforehand))
+    for score, believed in zip(scores, every.tolist(), strict=True):
         if score.unlisted:
-            believed = value + outside - log(len(evidence.unlisted))
             found[UNKNOWN] = float(np.logaddexp(found[UNKNOWN], believed))
         else:
             name = " + ".join(sorted(score.causes)) or NONE
-            believed = value + prior[min(score.size, len(prior) - 1)]
             found[name] = max(believed, found.get(name, -np.inf))
     values = np.array(list(found.values()))
     shares = np.exp(values - logsumexp(values)).tolist()
