@@ -296,11 +296,11 @@ def _likelier(
 
     Wrong lengths keep their probability in addition to the causes that are named without them.
     """
-    if loose.lengths is None or loose.answer is None or tight.evidence is None:
+    if loose.lengths is None or loose.evidence is None or tight.evidence is None:
         return loose, answer
     if other.verdict not in ("named", "ambiguous"):
         return loose, answer
-    share = probability_of_lengths(tight.evidence, loose.answer, tight.rules.statement)
+    share = probability_of_lengths(tight.evidence, loose.evidence, tight.rules.statement)
     if share > 0.5:
         return loose, answer
     assumed = tight.rig.length_tolerance or 0.0

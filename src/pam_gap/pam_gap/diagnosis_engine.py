@@ -129,7 +129,6 @@ class JointDiagnosis:
         self.judge = Judge(self.floor, self.present, self.rules, self.motion)
         self.candidates: Sequence[Candidate] = shown_candidates(self.problem)
         self.evidence: Evidence[HeldOut] | None = None
-        self.answer: HeldOut | None = None
         self.lengths: LooseLengths | None = None
 
     def written(self) -> HeldOut:
@@ -270,8 +269,8 @@ class JointDiagnosis:
             )
             evidence = replace(evidence, improved=improved, improved_for=named.label)
         self.evidence = evidence
-        self.answer = evidence.nominal if named is None else named
-        self.lengths = loose_lengths(self.fitter, self.answer.hypothesis)
+        shown = evidence.nominal if named is None else named
+        self.lengths = loose_lengths(self.fitter, shown.hypothesis)
         diagnosis = AnswerForm(self.fitter, self.folds, evidence, verdict).fill(location)
         proposal = self.proposal(verdict, diagnosis.survivors)
         self.progress("done", 1.0)

@@ -19,7 +19,6 @@ import numpy as np
 from pam_gap.inference.evidence import Evidence
 from pam_gap.inference.hypothesis import Hypothesis, HypothesisFitter
 from pam_gap.inference.posterior import posterior
-from pam_gap.inference.score import Score
 from pam_gap.prediction.fit import mean_squares
 from pam_gap.rules import DEFAULT
 from pam_gap.rules.search_rules import SearchRules
@@ -69,25 +68,23 @@ def as_measured(rig: Rig, rules: SearchRules = DEFAULT.search) -> Rig:
     return replace(rig, length_tolerance=min(rules.ruler, rig.parameter_tolerance))
 
 
-def probability_of_lengths(evidence: Evidence[Any], loose: Score, statement: Statement) -> float:
-    """Probability that wrong lengths are the explanation, rather than one without them.
+def probability_of_lengths(
+    tight: Evidence[Any], loose: Evidence[Any], statement: Statement
+) -> float:
+    """Probability that wrong lengths are a part of the explanation.
 
     They count as one more cause. Numbers of the rig file have no price in any explanation.
 
     Parameters
     ----------
-    evidence : Evidence
-        What the search with lengths as measured found.
-    loose : Score
-        Score of the hypothesis with loose lengths.
+    tight, loose : Evidence
+        What the searches with lengths as measured and with loose ones found.
     statement : Statement
         What is believed beforehand.
     """
-    one_more = replace(
-        loose,
-        effects=(*loose.effects, WRONG_LENGTHS),
-    )
-    found = posterior(replace(evidence, tried=(*evidence.tried, one_more)), statement)
+    fits = [loose.nominal, *(loose.settled.get(k, one) for k, one in enumerate(loose.tried))]
+    wrong = [replace(one, effects=(*one.effects, WRONG_LENGTHS)) for one in fits]
+    found = posterior(replace(tight, tried=(*tight.tried, *wrong)), statement)
     return sum(p for name, p in found.items() if WRONG_LENGTHS in name.split(" + "))
 
 
