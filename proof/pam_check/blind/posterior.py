@@ -40,6 +40,10 @@ UNKNOWN_SIZES = 25
 """Sizes of a cause outside the table over which is summed."""
 DIVERGED = 1e12
 """Mean square in place of one that is not finite."""
+LEAST_KEPT = 1e-3
+"""Probability below which an explanation is left out."""
+MOST_WITH_HIDDEN = 2
+"""Number of causes from which on a further one that is too small to be seen is not considered."""
 CONSIDERED = 6
 """Sets of causes of which an answer is made, the most probable ones."""
 MOST_ALTERNATIVES = 4
@@ -113,7 +117,8 @@ def log_likelihood_of_unknown(
 def posterior(evidence: Evidence[Score], statement: Statement) -> dict[str, float]:
     """Probability of each explanation, largest first; their names are those of diagnosis.json.
 
-    Of several hypotheses with the same causes, the likeliest counts.
+    Of several hypotheses with the same causes, the likeliest counts. Each set of causes may have
+    one more that is too small to be seen: it leaves the likelihood as it is.
 
     Parameters
     ----------
@@ -122,16 +127,12 @@ def posterior(evidence: Evidence[Score], statement: Statement) -> dict[str, floa
     statement : Statement
         What is believed beforehand.
     """
-    present, table = evidence.present, len(EFFECTS)
-    prior = (
-        log(statement.nothing),
-        log(statement.one / table),
-        log(statement.two / comb(table, 2)),
-        log(statement.three / comb(table, 3)),
-    )
+    present = evidence.present
     noise, background = evidence.floor[present], evidence.background[present]
     tried = [evidence.settled.get(place, score) for place, score in enumerate(evidence.tried)]
     scores = [evidence.nominal, *tried, *evidence.unlisted]
+    if evidence.flexible is not None:
+        scores.append(evidence.flexible)
     left = np.array([score.mean_square[present] for score in scores])
     left = np.nan_to_num(left, nan=DIVERGED, posinf=DIVERGED)
     over = np.log(np.maximum(left / (noise + background), 1.0)).sum(axis=1)
@@ -141,19 +142,54 @@ def posterior(evidence: Evidence[Score], statement: Statement) -> dict[str, floa
     is_sharp = np.array([SHARP.issuperset(one.causes) and not one.unlisted for one in scores])
     price = statement.number_price * np.array([score.free_numbers for score in scores])
     likelihood = log_likelihood(left, noise, background, change, is_sharp, statement) - price
-    outside = log(statement.outside)
-    found = {UNKNOWN: outside + log_likelihood_of_unknown(without, noise, background, statement)}
+    beyond = [log_likelihood_of_unknown(without, noise, background, statement)]
+    by_name: dict[str, float] = {}
     for score, value in zip(scores, likelihood.tolist(), strict=True):
-        if score.unlisted:
-            believed = value + outside - log(len(evidence.unlisted))
-            found[UNKNOWN] = float(np.logaddexp(found[UNKNOWN], believed))
+        if score is evidence.flexible:
+            beyond.append(value - statement.flexible_price)
+        elif score.unlisted:
+            beyond.append(value - log(len(evidence.unlisted)))
         else:
             name = " + ".join(sorted(score.causes)) or NONE
-            believed = value + prior[min(score.size, len(prior) - 1)]
-            found[name] = max(believed, found.get(name, -np.inf))
+            by_name[name] = max(value, by_name.get(name, -np.inf))
+    found = _with_hidden(by_name, statement)
+    found[UNKNOWN] = log(statement.outside) + float(logsumexp(beyond))
     values = np.array(list(found.values()))
     shares = np.exp(values - logsumexp(values)).tolist()
-    return dict(sorted(zip(found, shares, strict=True), key=lambda pair: -pair[1]))
+    ranked = sorted(zip(found, shares, strict=True), key=lambda pair: -pair[1])
+    kept = [pair for pair in ranked if pair[1] >= LEAST_KEPT]
+    total = sum(share for _, share in kept)
+    return {name: share / total for name, share in kept}
+
+
+def _with_hidden(likelihood: Mapping[str, float], statement: Statement) -> dict[str, float]:
+    """Log of prior times likelihood of each set of causes, also of those with a hidden cause.
+
+    Parameters
+    ----------
+    likelihood : mapping
+        Set of causes, by name -> log likelihood.
+    statement : Statement
+        What is believed beforehand.
+    """
+    table = len(EFFECTS)
+    prior = [
+        log(share / comb(table, size))
+        for size, share in enumerate(
+            (statement.nothing, statement.one, statement.two, statement.three)
+        )
+    ]
+    found: dict[str, float] = {}
+    for name, value in likelihood.items():
+        causes = set() if name == NONE else {*name.split(" + ")}
+        size = min(len(causes), len(prior) - 1)
+        found[name] = float(np.logaddexp(value + prior[size], found.get(name, -np.inf)))
+        if size < MOST_WITH_HIDDEN:
+            hidden = value + prior[size + 1] + log(statement.hidden)
+            for effect in EFFECTS.keys() - causes:
+                more = " + ".join(sorted({*causes, effect}))
+                found[more] = float(np.logaddexp(hidden, found.get(more, -np.inf)))
+    return found
 
 
 type Sets = tuple[frozenset[str], ...]

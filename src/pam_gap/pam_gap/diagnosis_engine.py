@@ -25,7 +25,7 @@ from pam_gap.experiments.next_experiment import Proposal, propose
 from pam_gap.inference.candidates import Candidate, shown_candidates
 from pam_gap.inference.decide import Verdict, close_calls, decide, judge_of
 from pam_gap.inference.decision import Decision, Judge
-from pam_gap.inference.discrepancy_model import explained_leftover
+from pam_gap.inference.discrepancy_model import share_of_a_flexible_law
 from pam_gap.inference.evidence import Evidence
 from pam_gap.inference.excitation import not_shown
 from pam_gap.inference.held_out import (
@@ -56,6 +56,7 @@ from pam_gap.search.candidate_search import Progress, SearchResult, silent
 from pam_gap.search.effect_search import EffectSearch
 from pam_model.rig import Rig
 
+FLEXIBLE = "a law of the motion that the table of effects does not contain"
 NOT_IMPROVED = (
     "No numbers were found with which the simulation is better than with the rig file as written "
     "on data that were not fitted. There is no improved rig file."
@@ -210,6 +211,12 @@ class JointDiagnosis:
         beside = best.hypothesis.only(best.ordinary)
         return UnlistedFitter(self.fitter, self.folds).scores(nominal, singles, beside)
 
+    def flexible(self, nominal: HeldOut) -> HeldOut:
+        """Held-out score of a flexible law of the signals, in place of any law of the table."""
+        errors = nominal.hypothesis.result.errors
+        share = share_of_a_flexible_law(self.problem, self.folds, errors)
+        return replace(nominal, sums=nominal.sums * (1.0 - share), unlisted=FLEXIBLE)
+
     def not_identifiable(self, missing: Sequence[str]) -> Diagnosis:
         """The answer for recordings that do not hold enough; nothing is searched."""
         base = self.problem.base.values
@@ -313,6 +320,7 @@ class JointDiagnosis:
             stages=location.stages,
             growth=tuple(result.growth),
             unlisted=tuple(unlisted),
+            flexible=self.flexible(nominal),
         )
         self.progress("verdict", 0.93)
         self.judge = judge_of(evidence, self.rules)
@@ -333,7 +341,8 @@ class JointDiagnosis:
             "level_after": self.judge.level(told),
         }
         if chosen is not None:
-            leftover = explained_leftover(self.problem, self.folds, chosen.hypothesis.result.errors)
+            errors = chosen.hypothesis.result.errors
+            leftover = share_of_a_flexible_law(self.problem, self.folds, errors)
             facts["leftover_explained"] = float(leftover[self.present].max())
         return facts | {
             "seconds": time.monotonic() - started,
