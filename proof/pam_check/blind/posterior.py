@@ -172,7 +172,7 @@ def _with_hidden(likelihood: Mapping[str, float], statement: Statement) -> dict[
     statement : Statement
         What is believed beforehand.
     """
-    table = len(EFFECTS)
+    table, seen = len(EFFECTS), log(1.0 - statement.hidden)
     prior = [
         log(share / comb(table, size))
         for size, share in enumerate(
@@ -183,6 +183,7 @@ def _with_hidden(likelihood: Mapping[str, float], statement: Statement) -> dict[
     for name, value in likelihood.items():
         causes = set() if name == NONE else {*name.split(" + ")}
         size = min(len(causes), len(prior) - 1)
+        value += size * seen
         found[name] = float(np.logaddexp(value + prior[size], found.get(name, -np.inf)))
         if size < MOST_WITH_HIDDEN:
             hidden = value + prior[size + 1] + log(statement.hidden)
