@@ -74,7 +74,6 @@ NO_RULES = {
     "UNKNOWN_SIZES": "accuracy of a sum",
     "CONSIDERED": "work for an answer: less probable sets of causes cannot be in it",
     "MOST_ALTERNATIVES": "of an answer that people read",
-    "RARE": "stands for zero",
 }
 
 

@@ -30,7 +30,7 @@ from pam_gap.inference.decide import (
     decide,
     judge_of,
 )
-from pam_gap.inference.discrepancy_model import explained_leftover
+from pam_gap.inference.discrepancy_model import share_of_a_flexible_law
 from pam_gap.inference.evidence import Evidence
 from pam_gap.inference.excitation import not_shown
 from pam_gap.inference.held_out import (
@@ -61,6 +61,7 @@ from pam_gap.search.effect_search import EffectSearch
 from pam_gap.search.growth import has_gap
 from pam_model.rig import Rig
 
+FLEXIBLE = "a law of the motion that the table of effects does not contain"
 NOT_IMPROVED = (
     "No numbers were found with which the simulation is better than with the rig file as written "
     "on data that were not fitted. There is no improved rig file."
@@ -214,6 +215,12 @@ class JointDiagnosis:
         beside = best.hypothesis.only(best.ordinary)
         return UnlistedFitter(self.fitter, self.folds).scores(nominal, singles, beside)
 
+    def flexible(self, nominal: HeldOut) -> HeldOut:
+        """Held-out score of a flexible law of the signals, in place of any law of the table."""
+        errors = nominal.hypothesis.result.errors
+        share = share_of_a_flexible_law(self.problem, self.folds, errors)
+        return replace(nominal, sums=nominal.sums * (1.0 - share), unlisted=FLEXIBLE)
+
     def not_identifiable(self, missing: Sequence[str]) -> Diagnosis:
         """The answer for recordings that do not hold enough; nothing is searched."""
         base = self.problem.base.values
@@ -309,6 +316,7 @@ class JointDiagnosis:
             singles=result.singles,
             stages=location.stages,
             unlisted=tuple(unlisted),
+            flexible=self.flexible(nominal),
         )
         self.progress("verdict", 0.93)
         self.judge = judge_of(evidence, self.rules)
@@ -329,7 +337,8 @@ class JointDiagnosis:
             "level_after": self.judge.level(told),
         }
         if chosen is not None:
-            leftover = explained_leftover(self.problem, self.folds, chosen.hypothesis.result.errors)
+            errors = chosen.hypothesis.result.errors
+            leftover = share_of_a_flexible_law(self.problem, self.folds, errors)
             facts["leftover_explained"] = float(leftover[self.present].max())
         return facts | {
             "seconds": time.monotonic() - started,

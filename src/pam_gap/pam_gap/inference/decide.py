@@ -15,16 +15,17 @@ from typing import Any
 from pam_gap.inference.confidence import Interval, for_another_motion, gap_closed
 from pam_gap.inference.evidence import Evidence
 from pam_gap.inference.judge import Judge
-from pam_gap.inference.posterior import Choice, least_cost, posterior
+from pam_gap.inference.posterior import (
+    Choice,
+    least_cost,
+    most_probable_outside,
+    posterior,
+)
 from pam_gap.inference.probabilities import NONE, UNKNOWN, cause_probabilities
 from pam_gap.inference.score import Score
 from pam_gap.prediction.locate import worst_stage
 from pam_gap.rules import Rules
-from pam_gap.rules.statement import Statement
 from pam_model.effects import EFFECTS
-
-RARE = 1e-290
-"""Probability that is small against any odds, and above what a number can hold."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,26 +99,6 @@ def _least_cost(found: Mapping[str, float], nominal: Score, judge: Judge) -> Cho
     return choice
 
 
-def _looks_like(evidence: Evidence[Any], statement: Statement) -> str:
-    """The cause outside the table that makes most of the probability of `unknown`, in words.
-
-    Its odds are proportional to the prior of such a cause. With a very small one, no probability
-    is so close to 1 that it is rounded.
-    """
-    rare = replace(statement, outside=RARE)
-    every = evidence.unlisted
-    others = [tuple(one for one in every if one is not left_out) for left_out in every]
-    odds = [
-        (p := posterior(replace(evidence, unlisted=some), rare)[UNKNOWN]) / max(1.0 - p, RARE)
-        for some in (every, *others)
-    ]
-    least = min(odds[1:], default=odds[0])
-    if least >= 0.5 * odds[0]:
-        return ""
-    likely: Score = every[odds.index(least, 1) - 1]
-    return likely.unlisted
-
-
 def _open_sets(choice: Choice, effects: Sequence[str]) -> tuple[tuple[str, ...], ...]:
     """The effects that are in some of the sets of an answer only, as sets of alternatives."""
     if not choice.sets:
@@ -148,6 +129,7 @@ def decide[S: Score](evidence: Evidence[S], rules: Rules) -> Verdict[S]:
     stage: str | None = EFFECTS[effects[0]].stage if effects else None
     if choice.verdict == UNKNOWN:
         stage = worst_stage(evidence.stages, rules.prediction.stage_from)
+    like = most_probable_outside(evidence, rules.statement)
     order = dict.fromkeys((*effects, *causes, *evidence.singles))
     return Verdict(
         verdict=choice.verdict,
@@ -160,7 +142,9 @@ def decide[S: Score](evidence: Evidence[S], rules: Rules) -> Verdict[S]:
         indistinguishable=_open_sets(choice, effects),
         candidates=tuple((effect, causes.get(effect, 0.0)) for effect in order),
         probabilities=found,
-        looks_like=_looks_like(evidence, rules.statement) if choice.verdict == UNKNOWN else "",
+        looks_like=most_probable_outside(evidence, rules.statement)
+        if choice.verdict == UNKNOWN
+        else "",
         is_exact=all(k in evidence.settled for k in close_calls(evidence, rules)),
     )
 

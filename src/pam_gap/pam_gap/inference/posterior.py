@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from pam_gap.inference.candidates import NESTED
 from pam_gap.inference.evidence import Evidence
 from pam_gap.inference.log_sum_exp import logsumexp
 from pam_gap.inference.probabilities import NONE, UNKNOWN
@@ -38,6 +39,10 @@ UNKNOWN_SIZES = 25
 """Sizes of a cause outside the table over which is summed."""
 DIVERGED = 1e12
 """Mean square in place of one that is not finite."""
+LEAST_KEPT = 1e-3
+"""Probability below which an explanation is left out."""
+MOST_WITH_HIDDEN = 2
+"""Number of causes from which on a further one that is too small to be seen is not considered."""
 CONSIDERED = 6
 """Sets of causes of which an answer is made, the most probable ones."""
 MOST_ALTERNATIVES = 4
@@ -81,12 +86,18 @@ def log_likelihood(
         The statement.
     """
     usual = _backgrounds(noise, background, statement)[:, None, None, :]
-    error = np.where(is_sharp, statement.sharp_law_error, statement.law_error)
-    law = (error * np.exp(statement.law_spread * _LAWS[:, None])) ** 2
-    variance = usual + law[..., None] * change
-    density = _log_density(left, variance, statement).sum(axis=-1)
-    found: Array = logsumexp(density, axis=(0, 1), b=_SHARES[:, :, None])
-    return found
+
+    def of(error: float) -> Array:
+        law = (error * np.exp(statement.law_spread * _LAWS)) ** 2
+        variance = usual + law[:, None, None] * change
+        density = _log_density(left, variance, statement).sum(axis=-1)
+        found: Array = logsumexp(density, axis=(0, 1), b=_SHARES[:, :, None])
+        return found
+
+    sharp, several = of(statement.sharp_law_error), of(statement.law_error)
+    right = statement.right_law
+    mixed = np.logaddexp(sharp + log(right), several + log(1.0 - right))
+    return np.where(is_sharp, sharp, mixed)
 
 
 def log_likelihood_of_unknown(
@@ -108,6 +119,18 @@ def log_likelihood_of_unknown(
     return float(logsumexp(density.sum(axis=-1), b=_SIZE_WEIGHTS))
 
 
+def prior_of_sets(statement: Statement) -> list[float]:
+    """Log of the prior of each set of no, one, two and three causes of the table."""
+    shares = (statement.nothing, statement.one, statement.two, statement.three)
+    return [log(share / comb(len(EFFECTS), size)) for size, share in enumerate(shares)]
+
+
+def _prior_outside(evidence: Evidence[Any], statement: Statement) -> float:
+    """Log of the prior of each kind of cause outside the table: fitted, of a free form, or any."""
+    kinds = 1 + bool(evidence.unlisted) + (evidence.flexible is not None)
+    return log(statement.outside / kinds)
+
+
 def _with_more(scores: Sequence[Score], believed: Array) -> Array:
     """Log probabilities of hypotheses, raised where a cause is at the end of its range.
 
@@ -118,28 +141,20 @@ def _with_more(scores: Sequence[Score], believed: Array) -> Array:
     return np.where(ends, 0.5 * (believed + believed.max()), believed)
 
 
-def posterior(evidence: Evidence[Any], statement: Statement) -> dict[str, float]:
-    """Probability of each explanation, largest first; their names are those of diagnosis.json.
+def _beliefs(
+    evidence: Evidence[Any], statement: Statement
+) -> tuple[dict[str, float], dict[str, float]]:
+    """Log of prior times likelihood of each set of causes, and of each kind of cause outside.
 
-    Of several hypotheses with the same causes, the likeliest counts.
-
-    Parameters
-    ----------
-    evidence : Evidence
-        What a search found.
-    statement : Statement
-        What is believed beforehand.
+    Of several hypotheses with the same causes, the likeliest counts. The first cause outside, with
+    an empty name, is any cause at all.
     """
-    present, table = evidence.present, len(EFFECTS)
-    prior = (
-        log(statement.nothing),
-        log(statement.one / table),
-        log(statement.two / comb(table, 2)),
-        log(statement.three / comb(table, 3)),
-    )
+    present = evidence.present
     noise, background = evidence.floor[present], evidence.background[present]
     tried = [evidence.settled.get(place, score) for place, score in enumerate(evidence.tried)]
     scores = [evidence.nominal, *tried, *evidence.unlisted]
+    if evidence.flexible is not None:
+        scores.append(evidence.flexible)
     left = np.array([score.mean_square[present] for score in scores])
     left = np.nan_to_num(left, nan=DIVERGED, posinf=DIVERGED)
     over = np.log(np.maximum(left / (noise + background), 1.0)).sum(axis=1)
@@ -149,24 +164,84 @@ def posterior(evidence: Evidence[Any], statement: Statement) -> dict[str, float]
     is_sharp = np.array([SHARP.issuperset(one.causes) and not one.unlisted for one in scores])
     price = statement.number_price * np.array([score.free_numbers for score in scores])
     likelihood = log_likelihood(left, noise, background, change, is_sharp, statement) - price
-    outside = log(statement.outside)
-    found = {UNKNOWN: outside + log_likelihood_of_unknown(without, noise, background, statement)}
-    beforehand = [
-        outside - log(len(evidence.unlisted))
-        if score.unlisted
-        else prior[min(score.size, len(prior) - 1)]
+    prior, outside = prior_of_sets(statement), _prior_outside(evidence, statement)
+    beforehand = np.array([
+        prior[min(score.size, len(prior) - 1)] if not score.unlisted
+        else outside - statement.flexible_price if score is evidence.flexible
+        else outside - log(len(evidence.unlisted))
         for score in scores
-    ]
-    every = _with_more(scores, likelihood + np.array(beforehand))
-    for score, believed in zip(scores, every.tolist(), strict=True):
+    ])  # fmt: skip
+    believed = _with_more(scores, likelihood + beforehand)
+    beyond = {"": outside + log_likelihood_of_unknown(without, noise, background, statement)}
+    sets: dict[str, float] = {}
+    for score, value, before in zip(scores, believed.tolist(), beforehand.tolist(), strict=True):
         if score.unlisted:
-            found[UNKNOWN] = float(np.logaddexp(found[UNKNOWN], believed))
+            beyond[score.unlisted] = value
         else:
             name = " + ".join(sorted(score.causes)) or NONE
-            found[name] = max(believed, found.get(name, -np.inf))
+            sets[name] = max(value - before, sets.get(name, -np.inf))
+    return _with_hidden(sets, statement), beyond
+
+
+def posterior(evidence: Evidence[Any], statement: Statement) -> dict[str, float]:
+    """Probability of each explanation, largest first; their names are those of diagnosis.json.
+
+    Each set of causes may have one more that is too small to be seen: it leaves the likelihood as
+    it is. Explanations that are less probable than `LEAST_KEPT` are left out, but neither `none`
+    nor `unknown` is.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        What a search found.
+    statement : Statement
+        What is believed beforehand.
+    """
+    found, beyond = _beliefs(evidence, statement)
+    found[UNKNOWN] = float(logsumexp(np.array([*beyond.values()])))
     values = np.array(list(found.values()))
     shares = np.exp(values - logsumexp(values)).tolist()
-    return dict(sorted(zip(found, shares, strict=True), key=lambda pair: -pair[1]))
+    ranked = sorted(zip(found, shares, strict=True), key=lambda pair: -pair[1])
+    kept = {n: p for n, p in ranked if p >= LEAST_KEPT or n in (NONE, UNKNOWN)}
+    total = sum(kept.values())
+    return {name: share / total for name, share in kept.items()}
+
+
+def most_probable_outside(evidence: Evidence[Any], statement: Statement) -> str:
+    """The cause outside the table that makes most of the probability of `unknown`, in words.
+
+    Empty if none of them does, or a law that is not known.
+    """
+    _, beyond = _beliefs(evidence, statement)
+    first = max(beyond, key=beyond.__getitem__)
+    share = np.exp(beyond[first] - logsumexp(np.array([*beyond.values()])))
+    known = {score.unlisted for score in evidence.unlisted}
+    return first if share >= 0.5 and first in known else ""
+
+
+def _with_hidden(likelihood: Mapping[str, float], statement: Statement) -> dict[str, float]:
+    """Log of prior times likelihood of each set of causes, also of those with a hidden cause.
+
+    Parameters
+    ----------
+    likelihood : mapping
+        Set of causes, by name -> log likelihood.
+    statement : Statement
+        What is believed beforehand.
+    """
+    prior, seen = prior_of_sets(statement), log(1.0 - statement.hidden)
+    found: dict[str, float] = {}
+    for name, value in likelihood.items():
+        causes = set() if name == NONE else {*name.split(" + ")}
+        size = min(len(causes), len(prior) - 1)
+        visible = value + size * seen
+        found[name] = float(np.logaddexp(visible + prior[size], found.get(name, -np.inf)))
+        if size < MOST_WITH_HIDDEN:
+            hidden = visible + prior[size + 1] + log(statement.hidden)
+            for effect in EFFECTS.keys() - causes:
+                more = " + ".join(sorted({*causes, effect}))
+                found[more] = float(np.logaddexp(hidden, found.get(more, -np.inf)))
+    return found
 
 
 type Sets = tuple[frozenset[str], ...]
@@ -187,12 +262,19 @@ class Choice:
             return statement.silence * (0.5 if truth in (NONE, UNKNOWN) else 1.0)
         if truth in (NONE, UNKNOWN):
             return statement.false_name
-        hidden = {*truth.split(" + ")}
+        hidden = frozenset(truth.split(" + "))
         return statement.further_name * (len(self.sets) - 1) + min(
-            statement.false_name * len(one - hidden) / len(one)
-            + statement.silence * len(hidden - one) / len(hidden)
+            statement.false_name * _share_missing(one, hidden)
+            + statement.silence * _share_missing(hidden, one)
             for one in self.sets
         )
+
+
+def _share_missing(causes: frozenset[str], others: frozenset[str]) -> float:
+    """Share of causes that are not among others; one whose law a law of theirs contains is half."""
+    missing, rest = causes - others, others - causes
+    kin = [any((a, b) in NESTED or (b, a) in NESTED for b in rest) for a in missing]
+    return (len(missing) - 0.5 * sum(kin)) / len(causes)
 
 
 def least_cost(probabilities: Mapping[str, float], statement: Statement) -> Choice:

@@ -186,10 +186,6 @@ class DecisionRules:
         origin="40 parameters of the 60 clean rigs of `blind --seed 1097762585`, whose plant has "
                "other laws: intervals without a limit held 27 of the true values. With the "
                "limit, 43 of 54 intervals of 60 fresh clean rigs of seed 20263006.")
-    leftover_ridge: float = proposal_rule(1e-3, unit="-",
-        decides="Ridge parameter of the flexible regression on the residuals of the best "
-                "hypothesis. Its result is reported and does not affect the verdict.",
-        trades="Changes only the figure `leftover_explained`.")
     bound_reach: float = proposal_rule(1e-3, unit="of the range",
         decides="Distance from the upper bound below which a parameter is reported to be at the "
                 "bound.",

@@ -19,6 +19,9 @@ class Statement:
         Probability that a rig which is diagnosed has no cause beyond an ordinary background, one,
         two or three causes of the table, or a cause outside of it. All causes of the table are
         equally probable. Set by hand.
+    hidden : float
+        Share of the causes that change a rig too little to be seen. Every set of causes may have
+        one more of this kind.
     background_spread : float
         Standard deviation of the logarithm of the mean squared error that an ordinary background
         leaves, common to all channels of a rig, about the one that `discrepancy` predicts.
@@ -37,6 +40,13 @@ class Statement:
         for laws with one form only (a delay; `is_sharp` in the file of each effect) and for laws
         with several forms in the literature (a bladder), and the standard deviation of the
         logarithm of both.
+    right_law : float
+        Probability that a law with several forms is the true one; it errs as little as a law with
+        one form only then.
+    flexible_price : float
+        What a flexible law of the recorded signals takes off its log likelihood. It has no physics
+        and stands for a cause outside the table that follows a law of its own; its many numbers are
+        priced together, and it is wrong by `law_error` as the laws of the table are.
     least_unknown, largest_unknown : float
         RMS change that a cause outside the table makes of each channel, in multiples of what an
         ordinary background leaves: all sizes between these two are equally probable on a
@@ -51,6 +61,7 @@ class Statement:
     two: float = 0.12
     three: float = 0.03
     outside: float = 0.15
+    hidden: float = 0.25
     background_spread: float = 1.0
     channel_freedom: float = 14.0
     independent_errors: float = 6.6
@@ -58,11 +69,13 @@ class Statement:
     sharp_law_error: float = 0.2
     law_error: float = 0.41
     law_spread: float = 0.24
+    right_law: float = 0.03
+    flexible_price: float = 4.0
     least_unknown: float = 0.2
     largest_unknown: float = 300.0
     false_name: float = 1.0
     silence: float = 1.0
-    further_name: float = 0.1
+    further_name: float = 0.25
 
 
 STATEMENT = Statement()
@@ -70,7 +83,8 @@ STATEMENT = Statement()
 of `blind --seed 47002`, with the rules of commit 0f9388c0."""
 CALIBRATED = (
     "background_spread", "channel_freedom", "independent_errors", "number_price",
-    "sharp_law_error", "law_error", "law_spread",
+    "sharp_law_error", "law_error", "law_spread", "right_law", "hidden",
+    "flexible_price",
 )  # fmt: skip
 """Numbers that `pam check calibrate-statement` finds from drawn rigs."""
 BY_USER = (
