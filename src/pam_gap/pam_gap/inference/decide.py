@@ -129,7 +129,7 @@ def decide[S: Score](evidence: Evidence[S], rules: Rules) -> Verdict[S]:
     stage: str | None = EFFECTS[effects[0]].stage if effects else None
     if choice.verdict == UNKNOWN:
         stage = worst_stage(evidence.stages, rules.prediction.stage_from)
-    like = most_probable_outside(evidence, rules.statement)
+    like = most_probable_outside(evidence, rules.statement) if choice.verdict == UNKNOWN else ""
     order = dict.fromkeys((*effects, *causes, *evidence.singles))
     return Verdict(
         verdict=choice.verdict,
@@ -142,7 +142,7 @@ def decide[S: Score](evidence: Evidence[S], rules: Rules) -> Verdict[S]:
         indistinguishable=_open_sets(choice, effects),
         candidates=tuple((effect, causes.get(effect, 0.0)) for effect in order),
         probabilities=found,
-        looks_like=most_probable_outside(evidence, rules.statement)
+        looks_like=like,
         if choice.verdict == UNKNOWN
         else "",
         is_exact=all(k in evidence.settled for k in close_calls(evidence, rules)),
