@@ -143,8 +143,6 @@ def decide[S: Score](evidence: Evidence[S], rules: Rules) -> Verdict[S]:
         candidates=tuple((effect, causes.get(effect, 0.0)) for effect in order),
         probabilities=found,
         looks_like=like,
-        if choice.verdict == UNKNOWN
-        else "",
         is_exact=all(k in evidence.settled for k in close_calls(evidence, rules)),
     )
 
