@@ -94,7 +94,7 @@ def test_a_diverged_hypothesis_is_improbable() -> None:
 
 def test_the_likelihood_is_a_density_of_the_mean_squares() -> None:
     """With the count of its errors, it integrates to one constant whatever the usual variance."""
-    sharp = replace(STATEMENT, background_spread=1e-6, law_spread=1e-6)
+    sharp = replace(STATEMENT, background_spread=1e-6)
     grid = np.exp(np.linspace(-12.0, 12.0, 6001))
     worth = sharp.independent_errors
 

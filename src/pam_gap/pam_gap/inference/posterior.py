@@ -3,8 +3,8 @@
 The likelihood of a hypothesis is that of the errors which it leaves on held-out data. The variance
 of a channel is unknown: it scatters about that of noise, an ordinary background and the error of
 the laws. This is integrated in closed form (Student's t; Gelman et al., Bayesian Data Analysis, 3rd
-ed., chapter 3); what all channels of a rig share, the size of its background and how wrong the laws
-are, is integrated by quadrature.
+ed., chapter 3); what all channels of a rig share, the size of its background, is integrated by
+quadrature, and a law with several forms may be the right one or another.
 Held-out data take the place of the size priors in an evidence (Fong and Holmes, On the marginal
 likelihood and cross-validation, Biometrika 107, 2020). A cause outside the table is a discrepancy
 that no member spans (Kennedy and O'Hagan, J. R. Statist. Soc. B 63, 2001).
@@ -33,8 +33,6 @@ SHARP = frozenset(name for name, effect in EFFECTS.items() if effect.search.is_s
 _SIZES = np.linspace(-3.0, 3.0, 17)
 """Sizes of a background, in standard deviations of its logarithm; close enough for any spread."""
 _SIZE_WEIGHTS = np.exp(-0.5 * _SIZES**2) / np.exp(-0.5 * _SIZES**2).sum()
-_LAWS, _LAW_WEIGHTS = np.polynomial.hermite_e.hermegauss(7)
-_SHARES = np.outer(_SIZE_WEIGHTS, _LAW_WEIGHTS / _LAW_WEIGHTS.sum())
 UNKNOWN_SIZES = 25
 """Sizes of a cause outside the table over which is summed."""
 DIVERGED = 1e12
@@ -85,13 +83,11 @@ def log_likelihood(
     statement : Statement
         The statement.
     """
-    usual = _backgrounds(noise, background, statement)[:, None, None, :]
+    usual = _backgrounds(noise, background, statement)[:, None, :]
 
     def of(error: float) -> Array:
-        law = (error * np.exp(statement.law_spread * _LAWS)) ** 2
-        variance = usual + law[:, None, None] * change
-        density = _log_density(left, variance, statement).sum(axis=-1)
-        found: Array = logsumexp(density, axis=(0, 1), b=_SHARES[:, :, None])
+        density = _log_density(left, usual + error**2 * change, statement).sum(axis=-1)
+        found: Array = logsumexp(density, axis=0, b=_SIZE_WEIGHTS[:, None])
         return found
 
     sharp, several = of(statement.sharp_law_error), of(statement.law_error)
