@@ -137,6 +137,29 @@ def _with_more(scores: Sequence[Score], believed: Array) -> Array:
     return np.where(ends, 0.5 * (believed + believed.max()), believed)
 
 
+def _beyond_simpler_laws(scores: Sequence[Score], likelihood: Array) -> Array:
+    """Log likelihoods in which a richer law counts for what it explains beyond a simpler one.
+
+    For some values of its numbers the richer law is the simpler one (`NESTED`). Where it explains
+    no more, it is that law, and no other cause.
+    """
+    known: dict[frozenset[str], float] = {}
+    for score, value in zip(scores, likelihood.tolist(), strict=True):
+        if not score.unlisted:
+            causes = frozenset(score.causes)
+            known[causes] = max(value, known.get(causes, -np.inf))
+    found = likelihood.copy()
+    for place, score in enumerate(scores):
+        causes = frozenset(score.causes)
+        for simple, rich in NESTED:
+            if rich not in causes or score.unlisted:
+                continue
+            gain = likelihood[place] - known.get(causes - {rich} | {simple}, -np.inf)
+            beyond = np.log(-np.expm1(-gain)) if gain > 0.0 else -np.inf
+            found[place] = min(found[place], likelihood[place] + beyond)
+    return found
+
+
 def _beliefs(
     evidence: Evidence[Any], statement: Statement
 ) -> tuple[dict[str, float], dict[str, float]]:
@@ -158,8 +181,9 @@ def _beliefs(
     without = left[min(usual, key=over.__getitem__)]
     change = np.maximum(without - left, 0.0)
     is_sharp = np.array([SHARP.issuperset(one.causes) and not one.unlisted for one in scores])
-    price = statement.number_price * np.array([score.free_numbers for score in scores])
-    likelihood = log_likelihood(left, noise, background, change, is_sharp, statement) - price
+    likelihood = log_likelihood(left, noise, background, change, is_sharp, statement)
+    likelihood = _beyond_simpler_laws(scores, likelihood)
+    likelihood -= statement.number_price * np.array([score.free_numbers for score in scores])
     prior, outside = prior_of_sets(statement), _prior_outside(evidence, statement)
     beforehand = np.array([
         prior[min(score.size, len(prior) - 1)] if not score.unlisted
@@ -258,19 +282,12 @@ class Choice:
             return statement.silence * (0.5 if truth in (NONE, UNKNOWN) else 1.0)
         if truth in (NONE, UNKNOWN):
             return statement.false_name
-        hidden = frozenset(truth.split(" + "))
+        hidden = {*truth.split(" + ")}
         return statement.further_name * (len(self.sets) - 1) + min(
-            statement.false_name * _share_missing(one, hidden)
-            + statement.silence * _share_missing(hidden, one)
+            statement.false_name * len(one - hidden) / len(one)
+            + statement.silence * len(hidden - one) / len(hidden)
             for one in self.sets
         )
-
-
-def _share_missing(causes: frozenset[str], others: frozenset[str]) -> float:
-    """Share of causes that are not among others; one whose law a law of theirs contains is half."""
-    missing, rest = causes - others, others - causes
-    kin = [any((a, b) in NESTED or (b, a) in NESTED for b in rest) for a in missing]
-    return (len(missing) - 0.5 * sum(kin)) / len(causes)
 
 
 def least_cost(probabilities: Mapping[str, float], statement: Statement) -> Choice:
