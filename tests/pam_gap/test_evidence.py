@@ -112,7 +112,7 @@ def test_beliefs_that_make_no_sense_are_refused(
 
 
 def test_a_cost_that_is_set_reaches_the_decision() -> None:
-    weak = evidence(nominal=score((), 1.3), tried=(score(("creep",), 1.1),), settled={})
+    weak = evidence(nominal=score((), 1.5), tried=(score(("creep",), 1.1),), settled={})
     assert answer(weak)["verdict"] == "named"
     dear = changed("statement.false_name", 30.0)
     assert answer(weak, dear)["verdict"] == "none"

@@ -300,7 +300,7 @@ def _likelier(
         return loose, answer
     if other.verdict not in ("named", "ambiguous"):
         return loose, answer
-    share = probability_of_lengths(tight.evidence, loose.evidence, tight.rules.statement)
+    share = probability_of_lengths(tight.evidence, loose.evidence, tight.rules)
     if share > 0.5:
         return loose, answer
     assumed = tight.rig.length_tolerance or 0.0

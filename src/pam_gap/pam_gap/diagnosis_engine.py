@@ -28,7 +28,6 @@ from pam_gap.inference.decide import (
     close_calls,
     cut_off_rivals,
     decide,
-    judge_of,
 )
 from pam_gap.inference.discrepancy_model import share_of_a_flexible_law
 from pam_gap.inference.evidence import Evidence
@@ -43,7 +42,7 @@ from pam_gap.inference.held_out import (
 )
 from pam_gap.inference.hypothesis import FitTask, Hypothesis, HypothesisFitter
 from pam_gap.inference.improved_fit import improved_fit
-from pam_gap.inference.judge import Judge
+from pam_gap.inference.judge import Judge, judge_of
 from pam_gap.inference.loose_lengths import LooseLengths, loose_lengths
 from pam_gap.inference.unlisted import UnlistedFitter
 from pam_gap.prediction.bench_joint import bench_problem

@@ -14,7 +14,7 @@ from typing import Any
 
 from pam_gap.inference.confidence import Interval, for_another_motion, gap_closed
 from pam_gap.inference.evidence import Evidence
-from pam_gap.inference.judge import Judge
+from pam_gap.inference.judge import Judge, judge_of
 from pam_gap.inference.posterior import (
     Choice,
     least_cost,
@@ -56,13 +56,6 @@ class Verdict[S: Score]:
         return self.chosen if self.effects else None
 
 
-def judge_of(evidence: Evidence[Any], rules: Rules) -> Judge:
-    """The judge of the hypotheses of this evidence, with its floor."""
-    judge = Judge(evidence.floor, evidence.present, rules, evidence.motion, evidence.background)
-    judge.set_floor([evidence.nominal, *evidence.tried, *evidence.unlisted])
-    return judge
-
-
 def explanation(score: Score) -> str:
     """The explanation to which a hypothesis belongs, as it is named among the probabilities."""
     return UNKNOWN if score.unlisted else " + ".join(sorted(score.causes)) or NONE
@@ -79,7 +72,7 @@ def close_calls(evidence: Evidence[Any], rules: Rules) -> tuple[int, ...]:
 
     They are those of every explanation that is probable enough with the fits as they are.
     """
-    found = posterior(replace(evidence, settled={}), rules.statement)
+    found = posterior(replace(evidence, settled={}), rules)
     judge, scores = judge_of(evidence, rules), (evidence.nominal, *evidence.tried)
     probable = [name for name, p in found.items() if p >= rules.search.completed_from]
     close = [_hypothesis(name, scores, judge) for name in probable]
@@ -114,7 +107,7 @@ def decide[S: Score](evidence: Evidence[S], rules: Rules) -> Verdict[S]:
     """The verdict about this evidence, with these rules."""
     judge, nominal = judge_of(evidence, rules), evidence.nominal
     tried = [evidence.settled.get(k, score) for k, score in enumerate(evidence.tried)]
-    found = posterior(evidence, rules.statement)
+    found = posterior(evidence, rules)
     choice = _least_cost(found, nominal, judge)
     causes = cause_probabilities(found, {*EFFECTS})
     named = [[e for e in causes if e in one] for one in choice.sets]
@@ -129,7 +122,7 @@ def decide[S: Score](evidence: Evidence[S], rules: Rules) -> Verdict[S]:
     stage: str | None = EFFECTS[effects[0]].stage if effects else None
     if choice.verdict == UNKNOWN:
         stage = worst_stage(evidence.stages, rules.prediction.stage_from)
-    like = most_probable_outside(evidence, rules.statement) if choice.verdict == UNKNOWN else ""
+    like = most_probable_outside(evidence, rules) if choice.verdict == UNKNOWN else ""
     order = dict.fromkeys((*effects, *causes, *evidence.singles))
     return Verdict(
         verdict=choice.verdict,

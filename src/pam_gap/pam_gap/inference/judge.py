@@ -7,9 +7,11 @@ follows from `pam_gap.inference.posterior`.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
+from pam_gap.inference.evidence import Evidence
 from pam_gap.inference.score import Score
 from pam_gap.prediction.fit import Array
 from pam_gap.rules import Rules
@@ -142,3 +144,10 @@ class Judge:
         after = np.maximum(chosen.over_floor(self.noise, self.present), 1.0)
         share = np.maximum(before - after, 0.0) / np.maximum(before - 1.0, 1e-9)
         return float(np.average(share, weights=weight))
+
+
+def judge_of(evidence: Evidence[Any], rules: Rules) -> Judge:
+    """The judge of the hypotheses of this evidence, with its floor."""
+    judge = Judge(evidence.floor, evidence.present, rules, evidence.motion, evidence.background)
+    judge.set_floor([evidence.nominal, *evidence.tried, *evidence.unlisted])
+    return judge

@@ -20,9 +20,8 @@ from pam_gap.inference.evidence import Evidence
 from pam_gap.inference.hypothesis import Hypothesis, HypothesisFitter
 from pam_gap.inference.posterior import posterior
 from pam_gap.prediction.fit import mean_squares
-from pam_gap.rules import DEFAULT
+from pam_gap.rules import DEFAULT, Rules
 from pam_gap.rules.search_rules import SearchRules
-from pam_gap.rules.statement import Statement
 from pam_model.plant.written_numbers import LENGTHS
 from pam_model.rig import Rig
 
@@ -68,9 +67,7 @@ def as_measured(rig: Rig, rules: SearchRules = DEFAULT.search) -> Rig:
     return replace(rig, length_tolerance=min(rules.ruler, rig.parameter_tolerance))
 
 
-def probability_of_lengths(
-    tight: Evidence[Any], loose: Evidence[Any], statement: Statement
-) -> float:
+def probability_of_lengths(tight: Evidence[Any], loose: Evidence[Any], rules: Rules) -> float:
     """Probability that wrong lengths are a part of the explanation.
 
     They count as one more cause. Numbers of the rig file have no price in any explanation.
@@ -79,12 +76,12 @@ def probability_of_lengths(
     ----------
     tight, loose : Evidence
         What the searches with lengths as measured and with loose ones found.
-    statement : Statement
-        What is believed beforehand.
+    rules : Rules
+        What is believed beforehand, and what matters.
     """
     fits = [loose.nominal, *(loose.settled.get(k, one) for k, one in enumerate(loose.tried))]
     wrong = [replace(one, effects=(*one.effects, WRONG_LENGTHS)) for one in fits]
-    found = posterior(replace(tight, tried=(*tight.tried, *wrong)), statement)
+    found = posterior(replace(tight, tried=(*tight.tried, *wrong)), rules)
     return sum(p for name, p in found.items() if WRONG_LENGTHS in name.split(" + "))
 
 

@@ -22,10 +22,12 @@ import numpy as np
 
 from pam_gap.inference.candidates import NESTED
 from pam_gap.inference.evidence import Evidence
+from pam_gap.inference.judge import judge_of
 from pam_gap.inference.log_sum_exp import logsumexp
 from pam_gap.inference.probabilities import NONE, UNKNOWN
 from pam_gap.inference.score import Score
 from pam_gap.prediction.fit import Array
+from pam_gap.rules import Rules
 from pam_gap.rules.statement import Statement
 from pam_model.effects import EFFECTS
 
@@ -160,14 +162,13 @@ def _beyond_simpler_laws(scores: Sequence[Score], likelihood: Array) -> Array:
     return found
 
 
-def _beliefs(
-    evidence: Evidence[Any], statement: Statement
-) -> tuple[dict[str, float], dict[str, float]]:
+def _beliefs(evidence: Evidence[Any], rules: Rules) -> tuple[dict[str, float], dict[str, float]]:
     """Log of prior times likelihood of each set of causes, and of each kind of cause outside.
 
     Of several hypotheses with the same causes, the likeliest counts. The first cause outside, with
     an empty name, is any cause at all.
     """
+    statement = rules.statement
     present = evidence.present
     noise, background = evidence.floor[present], evidence.background[present]
     tried = [evidence.settled.get(place, score) for place, score in enumerate(evidence.tried)]
@@ -203,22 +204,39 @@ def _beliefs(
     return _with_hidden(sets, statement), beyond
 
 
-def posterior(evidence: Evidence[Any], statement: Statement) -> dict[str, float]:
+def _leaves_most(evidence: Evidence[Any], rules: Rules, name: str) -> bool:
+    """Whether all hypotheses with these causes leave most of a gap, and as much as matters."""
+    tried = [evidence.settled.get(place, score) for place, score in enumerate(evidence.tried)]
+    judge = judge_of(evidence, rules)
+    usual = judge.usual(evidence.nominal, tried)
+    same = [score for score in tried if " + ".join(sorted(score.causes)) == name]
+    return bool(same) and all(
+        judge.share_removed(usual, score) < rules.decision.most_of_the_gap
+        and judge.is_material(score, unexplained=True)
+        for score in same
+    )
+
+
+def posterior(evidence: Evidence[Any], rules: Rules) -> dict[str, float]:
     """Probability of each explanation, largest first; their names are those of diagnosis.json.
 
     Each set of causes may have one more that is too small to be seen: it leaves the likelihood as
-    it is. Explanations that are less probable than `LEAST_KEPT` are left out, but neither `none`
-    nor `unknown` is.
+    it is. Where the most probable causes leave most of the gap, and as much as matters, something
+    else is there, whether they are present or not: `unknown`. Explanations that are less probable
+    than `LEAST_KEPT` are left out, but neither `none` nor `unknown` is.
 
     Parameters
     ----------
     evidence : Evidence
         What a search found.
-    statement : Statement
-        What is believed beforehand.
+    rules : Rules
+        What is believed beforehand, and what matters.
     """
-    found, beyond = _beliefs(evidence, statement)
+    found, beyond = _beliefs(evidence, rules)
     found[UNKNOWN] = float(logsumexp(np.array([*beyond.values()])))
+    first = max(found, key=found.__getitem__)
+    if _leaves_most(evidence, rules, first):
+        found[UNKNOWN] = float(np.logaddexp(found[UNKNOWN], found.pop(first)))
     values = np.array(list(found.values()))
     shares = np.exp(values - logsumexp(values)).tolist()
     ranked = sorted(zip(found, shares, strict=True), key=lambda pair: -pair[1])
@@ -227,12 +245,12 @@ def posterior(evidence: Evidence[Any], statement: Statement) -> dict[str, float]
     return {name: share / total for name, share in kept.items()}
 
 
-def most_probable_outside(evidence: Evidence[Any], statement: Statement) -> str:
+def most_probable_outside(evidence: Evidence[Any], rules: Rules) -> str:
     """The cause outside the table that makes most of the probability of `unknown`, in words.
 
     Empty if none of them does, or a law that is not known.
     """
-    _, beyond = _beliefs(evidence, statement)
+    _, beyond = _beliefs(evidence, rules)
     first = max(beyond, key=beyond.__getitem__)
     share = np.exp(beyond[first] - logsumexp(np.array([*beyond.values()])))
     known = {score.unlisted for score in evidence.unlisted}
