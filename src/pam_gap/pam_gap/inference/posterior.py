@@ -31,7 +31,8 @@ from pam_gap.rules import Rules
 from pam_gap.rules.statement import Statement
 from pam_model.effects import EFFECTS
 
-SHARP = frozenset(name for name, effect in EFFECTS.items() if effect.search.is_sharp)
+SEVERAL = frozenset(name for name, effect in EFFECTS.items() if not effect.search.is_sharp)
+"""Effects whose law has several forms."""
 _SIZES = np.linspace(-3.0, 3.0, 17)
 """Sizes of a background, in standard deviations of its logarithm; close enough for any spread."""
 _SIZE_WEIGHTS = np.exp(-0.5 * _SIZES**2) / np.exp(-0.5 * _SIZES**2).sum()
@@ -181,7 +182,7 @@ def _beliefs(evidence: Evidence[Any], rules: Rules) -> tuple[dict[str, float], d
     usual = [k for k, score in enumerate(scores) if not score.causes and not score.unlisted]
     without = left[min(usual, key=over.__getitem__)]
     change = np.maximum(without - left, 0.0)
-    is_sharp = np.array([SHARP.issuperset(one.causes) and not one.unlisted for one in scores])
+    is_sharp = np.array([SEVERAL.isdisjoint(one.causes) and not one.unlisted for one in scores])
     likelihood = log_likelihood(left, noise, background, change, is_sharp, statement)
     likelihood = _beyond_simpler_laws(scores, likelihood)
     likelihood -= statement.number_price * np.array([score.free_numbers for score in scores])
