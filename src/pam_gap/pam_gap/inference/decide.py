@@ -169,7 +169,7 @@ def cut_off_rivals[S: Score](evidence: Evidence[Any], verdict: Verdict[S], least
         if {*named.causes}.isdisjoint(score.causes)
         and not {*score.causes}.isdisjoint(score.cut_off)
         and judge.share_removed(usual, score) >= most
-        and verdict.probabilities[explanation(score)] >= least
+        and verdict.probabilities.get(explanation(score), 0.0) >= least
     ]
     return sorted(rivals, key=judge.level)
 
