@@ -96,7 +96,7 @@ def test_a_cause_that_may_be_a_further_one_is_told_as_such() -> None:
         probabilities={"hysteresis": 0.5, "hysteresis + payload": 0.5},
     )
     assert verdict_sentence(ambiguous).startswith(
-        "The cause is hysteresis (muscle stage, 100 %). What this recording does not show is "
+        "The cause is hysteresis (muscle stage, over 99 %). What this recording does not show is "
         "whether there is a further one: payload (joint stage, 50 %)."
     )
     assert headline(ambiguous) == "Hysteresis, perhaps with payload"

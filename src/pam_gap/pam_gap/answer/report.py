@@ -31,7 +31,7 @@ from pam_gap.answer.report_words import (
     stage_words,
 )
 from pam_gap.answer.traces import RETUNED, WITH_ANSWER, Trace, draw
-from pam_gap.answer.user_units import percent, spoken, told
+from pam_gap.answer.user_units import as_probability, percent, spoken, told
 from pam_gap.inference.probabilities import NONE, UNKNOWN
 from pam_gap.prediction.channel_order import UNITS
 from pam_gap.prediction.channels import block_means
@@ -71,7 +71,7 @@ within their tolerance.{% endif %}</p>{% endif %}
 <div class="wide" tabindex="0"><table class="bars">
 <tr><th>cause</th><th class="n">probability</th><td></td></tr>
 {% for name, share in causes %}
-<tr><td>{{ name | spoken }}</td><td class="n">{{ percent(share) }}</td>
+<tr><td>{{ name | spoken }}</td><td class="n">{{ as_probability(share) }}</td>
 <td class="bar"><span style="width: {{ '%.1f' % ([100.0 * share, 100.0] | min) }}%"></span></td>
 </tr>
 {% endfor %}</table></div>
@@ -154,7 +154,7 @@ def _explanations(found: Mapping[str, float]) -> list[tuple[str, str]]:
     rest = sum(found.values()) - sum(shown.values())
     if rest >= LEAST_SHOWN:
         shown[f"{len(found) - len(shown)} others together"] = rest
-    return [(name, percent(p)) for name, p in shown.items()]
+    return [(name, as_probability(p)) for name, p in shown.items()]
 
 
 def _headline(traces: Sequence[Trace], channels: Mapping[str, Any], named: bool) -> Trace | None:
@@ -213,7 +213,7 @@ def _origin(found: Mapping[str, Any] | None, facts: Mapping[str, float]) -> list
 
 
 def _probable(found: Sequence[tuple[str, float]]) -> str:
-    return ", ".join(f"{spoken(effect)} {percent(p)}" for effect, p in found)
+    return ", ".join(f"{spoken(effect)} {as_probability(p)}" for effect, p in found)
 
 
 def render(
@@ -256,6 +256,7 @@ def render(
         improved_rig=improved_rig,
         traces=traces,
         percent=percent,
+        as_probability=as_probability,
         colour=VERDICT_COLOURS.get(verdict, "#6b7280"),
         word=VERDICT_WORDS.get(verdict, verdict),
         stated=_probable([cause for cause in causes if cause[0] in named]),

@@ -5,7 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from pam_gap.answer.diagnosis import Diagnosis
-from pam_gap.answer.user_units import interval_digits, percent, plain, spoken, told, user_unit
+from pam_gap.answer.user_units import (
+    as_probability,
+    interval_digits,
+    percent,
+    plain,
+    spoken,
+    told,
+    user_unit,
+)
 from pam_gap.inference.held_out import OTHER_LENGTHS
 from pam_gap.prediction.materiality import GapSize
 from pam_model.effects import EFFECTS
@@ -33,7 +41,7 @@ def _with_stages(diagnosis: Diagnosis, effects: Sequence[str]) -> str:
     return _listed(
         [
             f"{spoken(effect)} ({EFFECTS[effect].stage} stage"
-            + (f", {percent(probable[effect])})" if effect in probable else ")")
+            + (f", {as_probability(probable[effect])})" if effect in probable else ")")
             for effect in effects
         ]
     )
@@ -268,7 +276,9 @@ def _named(diagnosis: Diagnosis) -> str:
         numbers = with_parameters(diagnosis, effects[0])
         size = f": {numbers}" if numbers else ""
         probability = diagnosis.cause_probabilities.get(effects[0])
-        likely = "" if probability is None else f", with a probability of {percent(probability)}"
+        likely = (
+            "" if probability is None else f", with a probability of {as_probability(probability)}"
+        )
         subject = "The cause" if probability is None or probability >= LIKELY else _DOUBTFUL
         return (
             f"{subject} is {spoken(effects[0])} at the {diagnosis.stage} stage{likely}{size}."
