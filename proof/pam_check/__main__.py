@@ -24,6 +24,7 @@ from pam_check.commands import (
     states,
 )
 from pam_model.command_line import Tool
+from pam_ros.program_name import PROGRAM
 
 COMMANDS = (
     *faults.COMMANDS,
@@ -38,7 +39,13 @@ COMMANDS = (
 )
 
 
-TOOL = Tool("check", "Checks of the whole suite, on simulated rigs", COMMANDS)
+PAGES = f"{PROGRAM} check pages"
+TOOL = Tool(
+    "check",
+    "Checks of the whole suite, on simulated rigs",
+    COMMANDS,
+    moved=dict.fromkeys(("effects", "rules", "fault-tables"), PAGES),
+)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from pam_model.__main__ import main
 from pam_model.catalogue.catalogue import FAMILIES, catalogue
-from pam_model.catalogue.gallery import default_model, draw_row
+from pam_model.catalogue.row_picture import default_model, draw_row
 from pam_model.errors import DomainError, PamError
 from pam_model.identify.design import design, jam_angle
 from pam_model.muscles.braid import NEUTRAL_ANGLE

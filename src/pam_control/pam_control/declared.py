@@ -3,7 +3,7 @@
 A field of `ControlSettings`, or of a control law, states its name in a parameter file, unit,
 bounds, default and text. The node's parameters, `config/controller.yaml`, the table in
 docs/controller.md and `pam control parameters` are made from these declarations
-(`controller_parameters`, `parameter_page`), and so are the settings from the values of a parameter
+(`controller_parameters`, `parameter_file`), and so are the settings from the values of a parameter
 file.
 """
 

@@ -41,8 +41,8 @@ if TYPE_CHECKING:
 
 MOVED = {
     "blind": f"{PROGRAM} check blind",
-    "effects": f"{PROGRAM} check effects",
-    "rules": f"{PROGRAM} check rules",
+    "effects": f"{PROGRAM} check pages",
+    "rules": f"{PROGRAM} check pages",
     "close-loop": f"{PROGRAM} demo close-loop",
 }
 

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 from pam_model.command_line import NodeCommand, Tool, start_node
 from pam_model.commands import catalogue, identify, new_rig, rig_sections, size
+from pam_ros.program_name import PROGRAM
 
 if TYPE_CHECKING:
     from pam_ros.node_help import NodeHelp
@@ -47,7 +48,12 @@ COMMANDS = (
 )
 
 
-TOOL = Tool("model", "Muscle models, rig files, design of joints, and the model node", COMMANDS)
+TOOL = Tool(
+    "model",
+    "Muscle models, rig files, design of joints, and the model node",
+    COMMANDS,
+    moved=dict.fromkeys(("gallery", "effect-tables"), f"{PROGRAM} check pages"),
+)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -423,6 +423,10 @@ def progress(total: float, text: str = "", *, wanted: bool = True) -> Iterator[P
         yield Progress(bar)
 
 
+def no_arguments(_: Parser) -> None:
+    """Declare nothing, for a command without arguments of its own."""
+
+
 def add_rig(parser: Parser, *, required: bool = False) -> None:
     """Declare `--rig`; if it is not `required`, `chosen_rig` finds the example by default."""
     text = "rig file" if required else "rig file (default: the elbow of config/)"

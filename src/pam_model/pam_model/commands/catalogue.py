@@ -4,14 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pam_model.argument_types import make_parents, number, output_file, output_folder
-from pam_model.command_line import Arguments, Command, Outcome, Parser
+from pam_model.argument_types import make_parents, number, output_file
+from pam_model.command_line import Arguments, Command, Outcome, Parser, no_arguments
 from pam_model.commands.muscle_arguments import add_muscle, given_geometry
 from pam_model.errors import PamError
-
-
-def _declare_nothing(parser: Parser) -> None:
-    """Declare nothing: the command has no arguments of its own."""
 
 
 def _list(chosen: Arguments) -> Outcome:
@@ -43,7 +39,7 @@ def _declare_show(parser: Parser) -> None:
 
 def _show(chosen: Arguments) -> Outcome:
     from pam_model.catalogue.catalogue import find_row  # noqa: PLC0415  (numpy)
-    from pam_model.catalogue.gallery import default_model, draw_row  # noqa: PLC0415  (matplotlib)
+    from pam_model.catalogue.row_picture import default_model, draw_row  # noqa: PLC0415  (matplotlib)
     from pam_model.identify.show import (  # noqa: PLC0415
         PRESSURES,
         draw_force_model,
@@ -77,42 +73,13 @@ def _show(chosen: Arguments) -> Outcome:
     return Outcome({**facts, "picture": picture})
 
 
-def _declare_gallery(parser: Parser) -> None:
-    parser.add_argument(
-        "folder", type=output_folder, nargs="?", default="docs", help="(default: docs)"
-    )
-
-
-def _gallery(chosen: Arguments) -> Outcome:
-    from pam_model.catalogue.gallery import write_gallery  # noqa: PLC0415  (matplotlib)
-
-    written = write_gallery(chosen.folder)
-    size = sum(path.stat().st_size for path in written)
-    print(f"{len(written)} files, {size / 1e6:.2f} MB in {chosen.folder}")
-    return Outcome({"written": written})
-
-
-def _effect_tables(chosen: Arguments) -> Outcome:
-    from pam_model.effect_tables import write_tables  # noqa: PLC0415
-
-    changed = write_tables(Path(chosen.folder))
-    print("written: " + ", ".join(map(str, changed)) if changed else "the tables are up to date")
-    return Outcome({"changed": changed})
-
-
 COMMANDS = (
-    Command("list", "list every model, its equations and status", _declare_nothing, _list),
+    Command("list", "list every model, its equations and status", no_arguments, _list),
     Command(
         "show",
         "draw a model",
         _declare_show,
         _show,
         examples=("pam model show tondu_lopez --set k=1.2 --output muscle.png",),
-    ),
-    Command(
-        "gallery", "write pictures and table of models for the docs", _declare_gallery, _gallery
-    ),
-    Command(
-        "effect-tables", "write the tables of effects in the docs", _declare_gallery, _effect_tables
     ),
 )
