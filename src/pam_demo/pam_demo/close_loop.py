@@ -119,7 +119,8 @@ def run_demos(
     for folder in folders:
         run_demo(folder, rig, effects, true_rig=true_rig, can=can, rate=rate)
         rate = rate_of(folder)
-    return [tracked_motions(folder) for folder in folders]
+    joint = load_rig(rig).joint_names[0]
+    return [tracked_motions(folder, joint) for folder in folders]
 
 
 def compared(
