@@ -10,7 +10,6 @@ if __name__ == "__main__":  # before the imports below, which take time
     end_at_signals()
 
 import sys
-from collections.abc import Sequence
 
 from pam_check.commands import (
     blind,
@@ -47,10 +46,7 @@ TOOL = Tool(
     moved=dict.fromkeys(("effects", "rules", "fault-tables"), PAGES),
 )
 
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command and return the exit code."""
-    return TOOL.run(arguments)
+main = TOOL.run
 
 
 if __name__ == "__main__":

@@ -24,7 +24,6 @@ from pam_model.command_line import (
     Tool,
     add_rig,
     chosen_rig,
-    start_node,
 )
 
 if TYPE_CHECKING:
@@ -190,15 +189,8 @@ TOOL = Tool(
     default="viewer",
 )
 
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command and return the exit code."""
-    return TOOL.run(arguments)
-
-
-def markers() -> int:
-    """Entry point of `ros2 run pam_bringup pam_markers`."""
-    return start_node(MARKERS)
+main = TOOL.run
+markers = MARKERS.start  # `ros2 run pam_bringup pam_markers`
 
 
 if __name__ == "__main__":

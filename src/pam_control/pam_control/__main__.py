@@ -18,7 +18,6 @@ from pam_model.command_line import (
     Outcome,
     Tool,
     no_arguments,
-    start_node,
 )
 
 if TYPE_CHECKING:
@@ -60,15 +59,8 @@ COMMANDS = (
 )
 TOOL = Tool("control", "Position and stiffness control of joints", COMMANDS)
 
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command and return the exit code."""
-    return TOOL.run(arguments)
-
-
-def controller_node() -> int:
-    """Entry point of `ros2 run pam_control pam_controller_node`."""
-    return start_node(NODE)
+main = TOOL.run
+controller_node = NODE.start  # `ros2 run pam_control pam_controller_node`
 
 
 if __name__ == "__main__":

@@ -10,7 +10,6 @@ if __name__ == "__main__":  # before the imports below, which take time
     end_at_signals()
 
 import sys
-from collections.abc import Sequence
 
 from pam_model.argument_types import count, input_file, number, output_folder
 from pam_model.command_line import Arguments, Command, Outcome, Parser, Tool, add_rig
@@ -223,10 +222,7 @@ COMMANDS = (
 
 TOOL = Tool("demo", "Demonstrations of the whole suite on a simulated rig", COMMANDS, default="run")
 
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command and return the exit code."""
-    return TOOL.run(arguments)
+main = TOOL.run
 
 
 if __name__ == "__main__":

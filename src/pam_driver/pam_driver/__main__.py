@@ -22,7 +22,6 @@ from pam_model.command_line import (
     Outcome,
     Parser,
     Tool,
-    start_node,
 )
 
 if TYPE_CHECKING:
@@ -202,15 +201,8 @@ COMMANDS = (
 
 TOOL = Tool("driver", "Tools for the buses and boards of a robot, and the driver node", COMMANDS)
 
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command and return the exit code."""
-    return TOOL.run(arguments)
-
-
-def driver_node() -> int:
-    """Entry point of `ros2 run pam_driver pam_driver_node`."""
-    return start_node(NODE)
+main = TOOL.run
+driver_node = NODE.start  # `ros2 run pam_driver pam_driver_node`
 
 
 if __name__ == "__main__":

@@ -32,7 +32,6 @@ from pam_model.command_line import (
     Tool,
     add_rig,
     run_command,
-    start_node,
 )
 from pam_ros.program_name import PROGRAM
 
@@ -409,10 +408,7 @@ TOOL = Tool(
     moved=MOVED,
 )
 
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command and return the exit code."""
-    return TOOL.run(arguments)
+main = TOOL.run
 
 
 def diagnose(arguments: Sequence[str] | None = None) -> int:
@@ -420,14 +416,8 @@ def diagnose(arguments: Sequence[str] | None = None) -> int:
     return run_command(DIAGNOSE, f"{PROGRAM} gap diagnose", arguments)
 
 
-def monitor() -> int:
-    """Entry point of `ros2 run pam_gap pam_monitor`."""
-    return start_node(MONITOR)
-
-
-def play() -> int:
-    """Entry point of `ros2 run pam_gap pam_play`."""
-    return start_node(PLAY)
+monitor = MONITOR.start  # `ros2 run pam_gap pam_monitor`
+play = PLAY.start  # `ros2 run pam_gap pam_play`
 
 
 if __name__ == "__main__":

@@ -119,6 +119,27 @@ class NodeCommand:
     run: Callable[[Sequence[str] | None], int]
     usage: Callable[[], _Usage]
 
+    def start(self, arguments: Sequence[str] | None = None) -> int:
+        """Import and run the node; return its exit code. A package that is missing is one line.
+
+        Parameters
+        ----------
+        arguments : sequence of str, optional
+            Arguments of the node; those of the process by default.
+        """
+        if arguments is None:  # the program itself, not a caller within another one
+            end_at_signals()
+        words = sys.argv[1:] if arguments is None else arguments
+        if not ABOUT.isdisjoint(words):  # before ROS is imported, which takes a second
+            return self.usage().answer(words) or DONE
+        gc.disable()  # what is imported and made stays; the node's main loop enables it
+        try:
+            return self.run(arguments)
+        except ModuleNotFoundError as error:
+            return _code_after(error)
+        finally:
+            gc.enable()
+
 
 class _Usage(Protocol):
     """What tells how a node is used."""
@@ -194,7 +215,7 @@ class Tool:
             if isinstance(command, Command):
                 return run_command(command, f"{self.program} {command.name}", given[1:])
             if isinstance(command, NodeCommand):
-                return start_node(command, given[1:])
+                return command.start(given[1:])
             return command.run(given[1:])
         parser = _OneLineParser(prog=self.program, description=f"{self.summary}.")
         parser.add_argument("--version", action=_VersionAction)
@@ -209,30 +230,6 @@ class Tool:
         except SystemExit as end:
             return _code_of(end)
         raise AssertionError("a command that is listed has run")
-
-
-def start_node(node: NodeCommand, arguments: Sequence[str] | None = None) -> int:
-    """Import and run a node, and return its exit code; a package that is missing is one line.
-
-    Parameters
-    ----------
-    node : NodeCommand
-        The node.
-    arguments : sequence of str, optional
-        Arguments of the node; those of the process by default.
-    """
-    if arguments is None:  # the program itself, not a caller within another one
-        end_at_signals()
-    words = sys.argv[1:] if arguments is None else arguments
-    if not ABOUT.isdisjoint(words):  # before ROS is imported, which takes a second
-        return node.usage().answer(words) or DONE
-    gc.disable()  # what is imported and made stays; the node's main loop enables it
-    try:
-        return node.run(arguments)
-    except ModuleNotFoundError as error:
-        return _code_after(error)
-    finally:
-        gc.enable()
 
 
 def _complete(tool: Tool) -> None:

@@ -22,7 +22,6 @@ from pam_model.command_line import (
     Parser,
     Tool,
     add_rig,
-    start_node,
 )
 
 if TYPE_CHECKING:
@@ -124,15 +123,8 @@ COMMANDS = (
 )
 TOOL = Tool("sim", "A simulated rig with valve boards, as a program and as a node", COMMANDS)
 
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command and return the exit code."""
-    return TOOL.run(arguments)
-
-
-def rig_node() -> int:
-    """Entry point of `ros2 run pam_sim pam_rig`."""
-    return start_node(NODE)
+main = TOOL.run
+rig_node = NODE.start  # `ros2 run pam_sim pam_rig`
 
 
 if __name__ == "__main__":
