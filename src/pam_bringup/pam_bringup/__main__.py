@@ -15,16 +15,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pam_model.argument_types import count, input_path, output_file, output_folder
-from pam_model.command_line import (
-    Arguments,
-    Command,
-    NodeCommand,
-    Outcome,
-    Parser,
-    Tool,
-    add_rig,
-    chosen_rig,
-)
+from pam_model.command_line import Arguments, Command, NodeCommand, Outcome, Parser, Tool
+from pam_model.common_options import add_namespace, add_rig, chosen_rig
 
 if TYPE_CHECKING:
     from pam_ros.node_help import NodeHelp
@@ -36,7 +28,7 @@ def _declare(parser: Parser) -> None:
         help="rosbag2 to show; without it, the running robot is shown",
     )  # fmt: skip
     add_rig(parser)
-    parser.add_argument("--namespace", default="", help="namespace of the robot's topics")
+    add_namespace(parser)
     parser.add_argument(
         "--web-port", type=count(1, 65535), default=9090, help="port of the page (9090)"
     )
@@ -120,7 +112,7 @@ MARKERS = NodeCommand(
 def _declare_layouts(parser: Parser) -> None:
     parser.add_argument("out", type=output_folder, metavar="OUT", help="folder for the layouts")
     add_rig(parser)
-    parser.add_argument("--namespace", default="", help="namespace of the robot's topics")
+    add_namespace(parser)
 
 
 def _layouts(given: Arguments) -> Outcome:

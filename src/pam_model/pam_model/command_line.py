@@ -31,7 +31,6 @@ from enum import Enum
 from pathlib import Path
 from typing import Any, Final, Protocol
 
-from pam_model.argument_types import input_file
 from pam_model.errors import PamError
 from pam_model.linear_algebra_threads import use_one_thread
 from pam_model.names import unknown
@@ -422,30 +421,3 @@ def progress(total: float, text: str = "", *, wanted: bool = True) -> Iterator[P
 
 def no_arguments(_: Parser) -> None:
     """Declare nothing, for a command without arguments of its own."""
-
-
-def add_rig(parser: Parser, *, required: bool = False) -> None:
-    """Declare `--rig`; if it is not `required`, `chosen_rig` finds the example by default."""
-    text = "rig file" if required else "rig file (default: the elbow of config/)"
-    parser.add_argument("--rig", type=input_file, required=required, metavar="FILE", help=text)
-
-
-def chosen_rig(given: Arguments) -> Path:
-    """The named rig file, or the example in the source tree or in the colcon installation.
-
-    Raises
-    ------
-    PamError
-        If none was named and the example does not exist.
-    """
-    if given.rig is not None:
-        return Path(given.rig)
-    name = Path("config") / "elbow.yaml"
-    for folder in (Path.cwd(), *Path(__file__).resolve().parents):
-        if (folder / name).is_file():
-            return folder / name
-    for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep):
-        path = Path(prefix) / "share" / "pam_bringup" / name
-        if prefix and path.is_file():
-            return path
-    raise PamError(f"{name}: not found; name a rig file with --rig")

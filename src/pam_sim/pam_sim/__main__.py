@@ -14,15 +14,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from pam_model.argument_types import count, input_file, named_number, number
-from pam_model.command_line import (
-    Arguments,
-    Command,
-    NodeCommand,
-    Outcome,
-    Parser,
-    Tool,
-    add_rig,
-)
+from pam_model.command_line import Arguments, Command, NodeCommand, Outcome, Parser, Tool
+from pam_model.common_options import add_bus, add_dbc, add_rig
 
 if TYPE_CHECKING:
     from pam_ros.node_help import NodeHelp
@@ -54,10 +47,8 @@ def _declare_rig(parser: Parser) -> None:
         metavar="[NAME.]EFFECT.PARAMETER=VALUE",
         help="an effect in the plant, such as coulomb_friction.torque=0.5; may be repeated",
     )
-    add("--interface", help="python-can's interface (default: socketcan)")
-    add("--channel", help="python-can's channel (default: can0)")
-    add("--port", type=count(1, 65535), help="UDP port, used by udp_multicast only")
-    add("--dbc", type=input_file, metavar="FILE", help="CAN database (default: the driver's own)")
+    add_bus(parser)
+    add_dbc(parser)
     add(
         "--firmware",
         type=input_file,

@@ -11,7 +11,8 @@ from rclpy.node import Node
 from pam_bringup.security.policy import POLICY, rights_of
 from pam_demo.chain import Chain, multicast_bus, private_domain, set_environment
 from pam_demo.programs import MODULES
-from pam_model.command_line import Arguments, Outcome, chosen_rig
+from pam_model.command_line import Arguments, Outcome
+from pam_model.common_options import chosen_rig
 from pam_model.rig import Rig, load_rig
 from pam_ros.start import start_ros
 

@@ -15,7 +15,8 @@ from pam_driver.boards.protocol import EMERGENCY_STOP, ENABLING_SWITCH
 from pam_driver.driver_parameters import PEOPLE_TOPICS
 from pam_driver.safety.people_inputs import FULL_SPEED
 from pam_model.argument_types import make_parents
-from pam_model.command_line import Arguments, Outcome, chosen_rig
+from pam_model.command_line import Arguments, Outcome
+from pam_model.common_options import chosen_rig
 from pam_model.rig import Rig, load_rig
 
 # Topics and services that ROS gives to every node; `~` is the node's own name.
