@@ -5,13 +5,16 @@ from __future__ import annotations
 from pathlib import Path
 from shutil import copytree
 
+import numpy as np
 import pytest
 
 from pam_check.__main__ import main
 from pam_check.doc_pages.effect_tables import control_table, keys_table
 from pam_check.doc_pages.markdown import places, table, updated
+from pam_check.doc_pages.models_table import draw_row
 from pam_check.doc_pages.pages import PARTS, texts
 from pam_gap.rules import table as constants
+from pam_model.catalogue.catalogue import CatalogueRow, catalogue
 from pam_model.effects import EFFECTS
 from pam_model.errors import PamError
 
@@ -26,7 +29,7 @@ def test_a_page_is_up_to_date(path: Path) -> None:
 
 def test_every_table_stands_in_a_page() -> None:
     shown = {name for text in MADE.values() for name in places(text)}
-    assert shown == set(PARTS)
+    assert shown == {*PARTS, "comparison"}
 
 
 def test_every_effect_stands_in_one_table_of_keys() -> None:
@@ -65,3 +68,10 @@ def test_what_cannot_be_written_is_named(
 
 def test_a_bar_in_a_cell_is_no_border() -> None:
     assert table(("a",), [("|x|",)]) == "| a |\n|---|\n| \\|x\\| |"
+
+
+@pytest.mark.parametrize("row", catalogue(), ids=lambda row: row.key)
+def test_each_model_has_a_picture_with_something_on_it(row: CatalogueRow) -> None:
+    for axis in draw_row(row).axes:
+        drawn = [np.asarray(line.get_ydata(), dtype=float) for line in axis.get_lines()]
+        assert any(np.count_nonzero(np.isfinite(y)) > 1 for y in drawn)

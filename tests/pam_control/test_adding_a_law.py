@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from pam_check.doc_pages.parameter_table import parameters_table
+from pam_check.doc_pages.parameter_tables import controller_parameters_table
 from pam_control.controller import Controller
 from pam_control.controller_parameters import create_controller, law_from, parameter_table
 from pam_control.laws import registry
@@ -99,7 +99,7 @@ def test_a_law_of_another_package_brings_its_parameter_to_every_place(other_pack
     assert set(entries) - before == {"soft.share"}
     assert entries["soft.share"].description == "share of the commanded stiffness (law soft)"
     assert entries["law"].description.endswith("gravity_compensation or soft")
-    assert "| `soft.share` | `0.5` | -; 0.1, 1 |" in parameters_table()
+    assert "| `soft.share` | `0.5` | -; 0.1, 1 |" in controller_parameters_table()
     assert "    soft:\n      # share of the commanded stiffness (law soft)\n      share: 0.5" in (
         yaml_text()
     )

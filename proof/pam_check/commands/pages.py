@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pam_model.argument_types import input_folder
+from pam_model.argument_types import input_file, input_folder
 from pam_model.command_line import Arguments, Command, Outcome, Parser
 
 
@@ -18,6 +18,12 @@ def _declare_pages(parser: Parser) -> None:
         help="a clone of this project (default: this folder)",
     )
     parser.add_argument("--pictures", action="store_true", help="also draw all models and effects")
+    parser.add_argument(
+        "--comparison",
+        type=input_file,
+        metavar="FILE",
+        help="what `pam model compare --json` printed, for docs/models.md",
+    )
 
 
 def _pages(given: Arguments) -> Outcome:

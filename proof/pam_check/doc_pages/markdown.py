@@ -28,7 +28,7 @@ def places(page: str) -> list[str]:
     return [found["name"] for found in _PLACE.finditer(page)]
 
 
-def updated(page: str, parts: Mapping[str, Callable[[], str]]) -> str:
+def updated(page: str, parts: Mapping[str, Callable[[], str] | None]) -> str:
     """The page with new text at each of its places.
 
     Parameters
@@ -36,7 +36,7 @@ def updated(page: str, parts: Mapping[str, Callable[[], str]]) -> str:
     page : str
         Markdown.
     parts : mapping
-        By the name of a place, what makes its text.
+        By the name of a place, what makes its text; None leaves it as it is.
 
     Raises
     ------
@@ -46,10 +46,12 @@ def updated(page: str, parts: Mapping[str, Callable[[], str]]) -> str:
     for name in places(page):
         if name not in parts:
             raise PamError(f"nothing is called {name!r}; expected one of {', '.join(parts)}")
-    return _PLACE.sub(
-        lambda found: (
-            f"<!-- {found['name']}: begin -->\n\n{parts[found['name']]()}\n\n"
-            f"<!-- {found['name']}: end -->"
-        ),
-        page,
-    )
+
+    def place(found: re.Match[str]) -> str:
+        name = found["name"]
+        text = parts[name]
+        if text is None:
+            return found[0]
+        return f"<!-- {name}: begin -->\n\n{text()}\n\n<!-- {name}: end -->"
+
+    return _PLACE.sub(place, page)

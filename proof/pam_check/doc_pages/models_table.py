@@ -4,15 +4,37 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from matplotlib.figure import Figure
 from PIL import Image
 
-from pam_model.catalogue.catalogue import FAMILIES, catalogue
-from pam_model.catalogue.row_picture import draw_row
-from pam_model.identify.show import save_figure
-from pam_model.muscles.force_model import registered_models
+from pam_check.doc_pages.model_pictures import PICTURES
+from pam_model.catalogue.catalogue import FAMILIES, CatalogueRow, catalogue
+from pam_model.catalogue.default_model import default_model
+from pam_model.errors import PamError
+from pam_model.identify.show import draw_force_model, save_figure
+from pam_model.muscles.force_model import create_force_model, registered_models
 
 _DOTS_PER_INCH = 72
 _COLOURS = 64
+
+
+def draw_row(row: CatalogueRow) -> Figure:
+    """The picture of a row.
+
+    Raises
+    ------
+    PamError
+        If there is none.
+    """
+    if row.key in PICTURES:
+        return PICTURES[row.key]()
+    for name in row.models:
+        if name in registered_models():
+            model, geometry = default_model(name)
+            ideal = create_force_model("gaylord", geometry)
+            title = f"{name} (dotted: ideal braid)" if name != "gaylord" else name
+            return draw_force_model(model, geometry.rest_length, title=title, reference=ideal)
+    raise PamError(f"{row.key} has no picture")
 
 
 def draw_models(folder: Path) -> None:

@@ -1,21 +1,14 @@
-"""Draws a row of the catalogue."""
+"""A force model with the numbers of an example, to be drawn or tried."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from pam_model.catalogue.catalogue import CatalogueRow
 from pam_model.errors import DomainError, PamError
-from pam_model.identify.show import CONTRACTOR, EXTENSOR, draw_force_model
+from pam_model.identify.show import CONTRACTOR, EXTENSOR
 from pam_model.muscles.force_model import (
     ForceModel,
     MuscleGeometry,
     create_force_model,
-    registered_models,
 )
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 _EXTENDING = ("al_ibadi", "variable_thread_angle")
 _CONSTANTS: dict[str, dict[str, float]] = {
@@ -40,24 +33,3 @@ def default_model(name: str) -> tuple[ForceModel, MuscleGeometry]:
         except DomainError as error:
             refused = str(error)
     raise PamError(f"model {name} cannot be drawn with default constants: {refused}")
-
-
-def draw_row(row: CatalogueRow) -> Figure:
-    """The picture of a row.
-
-    Raises
-    ------
-    PamError
-        If there is none.
-    """
-    from pam_model.catalogue.pictures import PICTURES  # noqa: PLC0415  (loads every model)
-
-    if row.key in PICTURES:
-        return PICTURES[row.key]()
-    for name in row.models:
-        if name in registered_models():
-            model, geometry = default_model(name)
-            ideal = create_force_model("gaylord", geometry)
-            title = f"{name} (dotted: ideal braid)" if name != "gaylord" else name
-            return draw_force_model(model, geometry.rest_length, title=title, reference=ideal)
-    raise PamError(f"{row.key} has no picture")
