@@ -17,18 +17,12 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Series:
-    """One number of a topic over time, or several of equal stamps.
+    """One number of a topic over time, or several of equal stamps."""
 
-    Attributes
-    ----------
-    times : array, shape (n,)
-        Stamps of measurement, or of reception for messages without a header [s since the epoch].
-    values : array, shape (n,) or (n, numbers)
-        In the topic's unit.
-    """
-
+    # shape (n,): stamps of measurement, or of reception for messages without a header [s since the
+    # epoch]
     times: Array
-    values: Array
+    values: Array  # shape (n,): in the topic's unit
 
     def between(self, start: float, end: float) -> Series:
         """The samples from `start` to `end` [s]."""

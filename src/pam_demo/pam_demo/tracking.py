@@ -32,17 +32,10 @@ def asked_position(motion: DemoMotion, times: Array) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class FollowedAngle:
-    """An angle of the joint during a motion, beside the reference.
+    """An angle of the joint during a motion, beside the reference."""
 
-    Attributes
-    ----------
-    motion : DemoMotion
-        The commanded motion.
-    times, asked, angle : array, shape (n,)
-        Time from the first waypoint [s], reference and angle [rad].
-    """
-
-    motion: DemoMotion
+    motion: DemoMotion  # the commanded motion
+    # times, asked, angle: shape (n,): time from the first waypoint [s], reference and angle [rad]
     times: Array
     asked: Array
     angle: Array

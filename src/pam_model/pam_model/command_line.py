@@ -69,20 +69,13 @@ Parser = argparse.ArgumentParser
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """The result of a command.
+    """The result of a command."""
 
-    Attributes
-    ----------
-    document : object
-        The result for --json: mappings, sequences, numbers, text, paths, dataclasses, arrays.
-    bad_news : sequence of str
-        Reasons why --check ends with exit code 1, one line each; empty for good news.
-    interrupted : bool
-        Whether the user ended the command early; the result is that up to this moment.
-    """
-
+    # the result for --json: mappings, sequences, numbers, text, paths, dataclasses, arrays
     document: object
+    # reasons why --check ends with exit code 1, one line each; empty for good news
     bad_news: Sequence[str] = ()
+    # whether the user ended the command early; the result is that up to this moment
     interrupted: bool = False
 
 
@@ -101,21 +94,14 @@ class Command:
 
 @dataclass(frozen=True, slots=True)
 class NodeCommand:
-    """A command that is a ROS node: the arguments after its name are those of the node.
+    """A command that is a ROS node: the arguments after its name are those of the node."""
 
-    Attributes
-    ----------
-    name, summary : str
-        As of a `Command`.
-    run : callable
-        Imports the node and runs it with its arguments; None stands for those of the process.
-    usage : callable
-        Imports what the node's `--help` prints (pam_ros.node_help), and nothing heavy.
-    """
-
+    # name, summary: as of a `Command`
     name: str
     summary: str
+    # imports the node and runs it with its arguments; None stands for those of the process
     run: Callable[[Sequence[str] | None], int]
+    # imports what the node's `--help` prints (pam_ros.node_help), and nothing heavy
     usage: Callable[[], _Usage]
 
     def start(self, arguments: Sequence[str] | None = None) -> int:

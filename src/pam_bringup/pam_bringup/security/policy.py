@@ -39,20 +39,14 @@ _LIFECYCLE_SERVES = tuple(
 
 @dataclass(frozen=True, slots=True)
 class Rights:
-    """Permissions of one node; names have no leading slash, `{muscle}` stands for each muscle.
+    """Permissions of one node; names have no leading slash, `{muscle}` stands for each muscle."""
 
-    Attributes
-    ----------
-    publishes, subscribes, serves, calls : tuple of str
-        Names in addition to those of every node.
-    actions : tuple of str
-        Actions that the node may serve; it has them where their packages are installed.
-    """
-
+    # publishes, subscribes, serves, calls: names in addition to those of every node
     publishes: tuple[str, ...] = ()
     subscribes: tuple[str, ...] = ()
     serves: tuple[str, ...] = ()
     calls: tuple[str, ...] = ()
+    # actions that the node may serve; it has them where their packages are installed
     actions: tuple[str, ...] = ()
 
 

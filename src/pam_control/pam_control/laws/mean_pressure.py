@@ -68,17 +68,10 @@ def ratio_at_rest(models: JointModels, position: float, mean: float) -> float | 
 
 
 class MeanPressureState(NamedTuple):
-    """The mean pressure of one joint.
+    """The mean pressure of one joint."""
 
-    Attributes
-    ----------
-    mean : float
-        At present [Pa gauge].
-    balance : float
-        Change of half the difference per change of the mean, by which the torque is kept [-].
-    """
-
-    mean: float = math.nan
+    mean: float = math.nan  # at present [Pa gauge]
+    # change of half the difference per change of the mean, by which the torque is kept [-]
     balance: float = 0.0
 
 

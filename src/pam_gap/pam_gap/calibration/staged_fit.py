@@ -207,18 +207,10 @@ def fit_stage(
 
 @dataclass(frozen=True)
 class JointFit:
-    """The fit of all numbers together.
+    """The fit of all numbers together."""
 
-    Attributes
-    ----------
-    fitter : HypothesisFitter
-        Its numbers, and the small errors of valves and sensors beside them.
-    fitted : Hypothesis
-        The result, without effects of the table.
-    """
-
-    fitter: HypothesisFitter
-    fitted: Hypothesis
+    fitter: HypothesisFitter  # its numbers, and the small errors of valves and sensors beside them
+    fitted: Hypothesis  # the result, without effects of the table
 
 
 def fit_together(

@@ -52,28 +52,20 @@ class Term:
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """A change that was found.
+    """A change that was found."""
 
-    Attributes
-    ----------
-    kind : str
-        `STEP` or `SLOPE`.
-    time, earliest, latest : float
-        Date and its 90 % interval [s]. A slope that begins with the series begins at its start.
-    size, low, high : float
-        Step in the unit of the values, or slope in that unit per second; 90 % interval.
-    from_start : bool
-        Whether it is a slope over the whole series.
-    """
-
-    kind: str
+    kind: str  # `STEP` or `SLOPE`
+    # time, earliest, latest: Date and its 90 % interval [s]. A slope that begins with the series
+    # begins at its start.
     time: float
     earliest: float
     latest: float
+    # size, low, high: step in the unit of the values, or slope in that unit per second; 90 %
+    # interval
     size: float
     low: float
     high: float
-    from_start: bool = False
+    from_start: bool = False  # whether it is a slope over the whole series
 
 
 @dataclass(frozen=True, slots=True)

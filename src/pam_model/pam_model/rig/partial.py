@@ -35,26 +35,17 @@ STATED: Mapping[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True, slots=True)
 class PartialRig:
-    """What a rig file says before a calibration.
+    """What a rig file says before a calibration."""
 
-    Attributes
-    ----------
-    rig : Rig
-        A complete rig: as written, with the middle of each range and a guess where a number is
-        missing. Whether all muscles reach the position limits is not checked, because lengths may
-        still be wrong.
-    ranges : mapping of str to (float, float)
-        Lowest and highest value of the numbers that are given as a range, by key.
-    missing : frozenset of str
-        Keys of the numbers that are not written.
-    is_rough : bool
-        Whether a tool that needs numbers refuses the file: there is a range, or a number without a
-        default is missing.
-    """
-
+    # A complete rig: as written, with the middle of each range and a guess where a number is
+    # missing. Whether all muscles reach the position limits is not checked, because lengths may
+    # still be wrong.
     rig: Rig
+    # lowest and highest value of the numbers that are given as a range, by key
     ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    missing: frozenset[str] = frozenset()
+    missing: frozenset[str] = frozenset()  # keys of the numbers that are not written
+    # whether a tool that needs numbers refuses the file: there is a range, or a number without a
+    # default is missing
     is_rough: bool = False
 
 

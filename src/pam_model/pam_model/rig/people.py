@@ -15,35 +15,25 @@ class People:
 
     An input that a board reports is obeyed in any case. A key here says that it must exist: while
     it is missing or sends no message, nothing moves.
-
-    Attributes
-    ----------
-    emergency_stop_board, enabling_switch_board : int, str or None
-        The board that has this input.
-    emergency_stop_topic, enabling_switch_topic : bool
-        Whether the driver's topic of this input must permit motion.
-    full_speed_topic : bool
-        Whether the driver's topic of this input must permit full speed; without permission the
-        joints keep their `reduced_velocity`.
-    deadline : float
-        An input without a message for longer forbids motion, or full speed [s].
-    slowing_time : float
-        Time in which the controller brakes after full speed is no longer permitted; then the driver
-        stops a joint that is faster than its `reduced_velocity` [s].
-    dump_valve_fill_time : float
-        Time that the supply needs after the dump valve was closed [s]; 0 without dump valve.
-    brake_release_delay : float
-        Time from the first command to a board until its brake is released [s].
     """
 
+    # emergency_stop_board, enabling_switch_board: the board that has this input
     emergency_stop_board: int | str | None = None
     enabling_switch_board: int | str | None = None
+    # emergency_stop_topic, enabling_switch_topic: whether the driver's topic of this input must
+    # permit motion
     emergency_stop_topic: bool = False
     enabling_switch_topic: bool = False
-    deadline: float = 0.2
+    deadline: float = 0.2  # an input without a message for longer forbids motion, or full speed [s]
+    # time that the supply needs after the dump valve was closed [s]; 0 without dump valve
     dump_valve_fill_time: float = 0.0
+    # time from the first command to a board until its brake is released [s]
     brake_release_delay: float = 0.0
+    # whether the driver's topic of this input must permit full speed; without permission the joints
+    # keep their `reduced_velocity`
     full_speed_topic: bool = False
+    # time in which the controller brakes after full speed is no longer permitted; then the driver
+    # stops a joint that is faster than its `reduced_velocity` [s]
     slowing_time: float = 0.5
 
 
