@@ -32,7 +32,7 @@ from pam_model.plant.muscle_arms import (
     names_of,
 )
 from pam_model.rig import Joint, Muscle, Rig
-from pam_model.rig.keys import NUMBERS
+from pam_model.rig.types import NUMBERS
 
 Vector = npt.NDArray[np.float64]
 

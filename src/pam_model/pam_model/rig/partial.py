@@ -17,9 +17,9 @@ from typing import Any
 from pam_model.errors import RigError
 from pam_model.rig.arms import arms_of
 from pam_model.rig.file import read_parameters
-from pam_model.rig.keys import BETWEEN, NUMBERS, Key, Problems, Section
+from pam_model.rig.keys import BETWEEN, Key, Problems, Section
 from pam_model.rig.parser import parse_rig, unflatten
-from pam_model.rig.types import Rig
+from pam_model.rig.types import NUMBERS, Rig
 
 INERTIA_PER_TORQUE = 0.004
 """Guess of a missing inertia [kg m^2] for each N m of the agonist's torque, as in `size`."""
