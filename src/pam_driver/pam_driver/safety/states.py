@@ -70,7 +70,6 @@ class SafetyOutput(NamedTuple):
 
 
 _S = SafetyState
-_E = SafetyEvent
 
 OUTPUTS: Final[Mapping[SafetyState, SafetyOutput]] = {
     _S.UNCONFIGURED: SafetyOutput(

@@ -170,13 +170,6 @@ def outputs_of(muscle: int) -> int:
     return O_MUSCLES + muscle * N_MUSCLE_OUTPUTS
 
 
-def state_names(muscles: Iterable[str]) -> tuple[str, ...]:
-    """Names of the states of a joint with these muscles."""
-    of_joint = ("position", "velocity", "reservoir_pressure", "friction_bristle")
-    of_muscle = ("spool", "pressure", "valve_pressure", "temperature", *PULL_STATES)
-    return (*of_joint, *(f"{muscle}.{state}" for muscle in muscles for state in of_muscle))
-
-
 def output_names(muscles: Iterable[str]) -> tuple[str, ...]:
     """Names of the outputs of a joint with these muscles."""
     of_joint = ("position", "velocity", "torque", "reservoir_pressure")
