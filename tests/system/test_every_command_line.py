@@ -432,32 +432,3 @@ def test_a_node_refuses_a_wrong_start_in_one_line(node, words, told, tmp_path, c
     (tmp_path / "empty.yaml").write_text("")
     (tmp_path / "text.yaml").write_text("a: [\n")
     assert told in refused(NODES[node], words, capfd)
-
-
-def test_the_help_of_a_node_names_the_topics_that_it_uses():
-    """The policy is compared with running nodes by a test of its own."""
-    from pam_bringup.security.policy import POLICY
-    from pam_control.controller_help import HELP as CONTROLLER
-    from pam_driver.driver_parameters import HELP as DRIVER
-    from pam_driver.driver_parameters import PEOPLE_TOPICS
-
-    for name, text in (
-        ("pam_driver", DRIVER),
-        ("pam_controller", CONTROLLER),
-        ("pam_model", model_node.HELP),
-        ("pam_rig", rig_node.HELP),
-    ):
-        rights = POLICY[name]
-        published = {entry.name.lstrip("/") for entry in text.publishes}
-        policy = {one.replace("{muscle}", "<muscle>") for one in rights.publishes}
-        assert published == {one for one in policy if "transition_event" not in one}
-        asked_for = set(PEOPLE_TOPICS.values())  # by the rig file's section `people`
-        subscribed = {entry.name for entry in text.subscribes} - asked_for
-        assert subscribed == set(rights.subscribes)
-        served = {entry.name for entry in text.serves}
-        assert set(rights.actions) <= served
-        served -= set(rights.actions)
-        assert served <= set(rights.serves)
-        assert {one for one in rights.serves if "state" not in one and "transition" not in one} == (
-            served
-        )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pam_gap.recordings.bag_columns import read_bag_columns
-from pam_gap.recordings.broken_bag import bag_reader, read_bag
+from pam_gap.recordings.broken_bag import bag_reader, beginning, read_bag
 
 Array = npt.NDArray[np.float64]
 
@@ -59,14 +59,8 @@ def read_series(bag: Path, columns: Collection[str]) -> dict[str, Series]:
         If the bag cannot be read.
     """
     found, _ = read_bag_columns(bag, frozenset(columns))
-    began, _ = read_bag(bag, _beginning)
+    began, _ = read_bag(bag, beginning)
     return {name: Series(began + raw.time, raw.value) for name, raw in found.items()}
-
-
-def _beginning(files: Sequence[Path]) -> float:
-    """When the recording began [s since the epoch]."""
-    with bag_reader(files) as reader:
-        return 1e-9 * float(reader.start_time)
 
 
 def read_loop_counts(bag: Path, node: str) -> Series:
