@@ -38,11 +38,6 @@ class NodeSide(NamedTuple):
 class ControllerInputs:
     """The subscriptions that the control loop polls.
 
-    Parameters
-    ----------
-    side : NodeSide
-        Of the controller.
-
     Attributes
     ----------
     positions, pressures : list of float

@@ -124,8 +124,6 @@ def read_fields(owner: Any, values: Mapping[str, Value]) -> dict[str, Any]:
 
     Parameters
     ----------
-    owner : type
-        The dataclass.
     values : mapping
         By name in a parameter file; a field whose parameter is missing is left out.
 
@@ -164,8 +162,6 @@ def sized[T](owner: T, size: Any, settings: Any = None) -> T:
     ----------
     owner : dataclass instance
         Settings or a law.
-    size : JointScale
-        Of the joint.
     settings : ControlSettings, optional
         The complete settings of the joint, for values that follow from them as well.
     """

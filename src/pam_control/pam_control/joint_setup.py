@@ -36,8 +36,6 @@ def joint_setups(
 
     Parameters
     ----------
-    joints : sequence of JointModels
-        All joints.
     prepared : PreparedSettings
         Gives the law and what is learnt.
     loops : Loops

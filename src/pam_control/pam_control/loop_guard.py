@@ -161,8 +161,6 @@ class LoopGuard:
         ----------
         time : float
             Present time [s].
-        joints : sequence of JointTelemetry
-            Of the cycle.
         tracking_time : float
             How long a tracking error may be above its limit [s].
         means : Means

@@ -279,8 +279,6 @@ def run(given: Arguments, open_player: OpenPlayer) -> Outcome:
 
     Parameters
     ----------
-    given : Arguments
-        From the command line.
     open_player : callable
         Creates the player of the motions.
 

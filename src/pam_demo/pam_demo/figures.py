@@ -309,8 +309,6 @@ def evaluate(
 
     Parameters
     ----------
-    bag : Path
-        The recording.
     runs : list of dict
         The runs: "law", "motion", "start" [s since the epoch], "rate" [Hz].
     motions : mapping of str to DemoMotion

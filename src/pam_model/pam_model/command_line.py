@@ -260,8 +260,6 @@ def run_command(command: Command, program: str, arguments: Sequence[str] | None 
 
     Parameters
     ----------
-    command : Command
-        The command.
     program : str
         What the user types before the arguments.
     arguments : sequence of str, optional

@@ -89,8 +89,6 @@ class StiffnessEstimate:
         The joint, and its statics with changed numbers.
     model : JointStatics
         The joint's model.
-    dynamics : InverseDynamics
-        Of the joint.
     largest : float
         Torque that the muscles can give at most [N m].
     turn : float, optional

@@ -39,8 +39,6 @@ def ratio_for_torque(
 
     Parameters
     ----------
-    models : JointModels
-        Of the joint.
     position : float
         [rad].
     mean : float
@@ -80,8 +78,6 @@ def loop_cases(models: JointModels, mean: float, structure: LoopStructure) -> li
 
     Parameters
     ----------
-    models : JointModels
-        Of the joint.
     mean : float
         [Pa gauge].
     structure : LoopStructure
@@ -107,8 +103,6 @@ def begin_mean(
 
     Parameters
     ----------
-    models : JointModels
-        Of the joint.
     position : float
         [rad].
     pressures : (float, float)
@@ -159,8 +153,6 @@ def difference_per_mean(
 
     Parameters
     ----------
-    models : JointModels
-        Of the joint.
     position : float
         [rad].
     pressures : (float, float)

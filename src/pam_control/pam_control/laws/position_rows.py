@@ -126,11 +126,6 @@ class Estimates:
 class PositionRows:
     """Joints under the model-based law.
 
-    Parameters
-    ----------
-    joints : sequence of JointModels
-        The joints.
-
     Attributes
     ----------
     c, j, s, w, x, y, a, memory

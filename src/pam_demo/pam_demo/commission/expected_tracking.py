@@ -99,8 +99,6 @@ def expected(
         The identified rig of the joint.
     posterior : Posterior
         What the recordings say of all its numbers together.
-    noise : SensorNoise
-        Of the sensors.
     period : float
         Of the commands [s].
     test : callable

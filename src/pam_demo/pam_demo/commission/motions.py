@@ -145,8 +145,6 @@ def steps(scale: Scale, name: str, share: float, moving: float, seed: int) -> Sa
         Static amplitude over the reach [-].
     moving : float
         Duration without the filling [s].
-    seed : int
-        Of the steps.
     """
     random = np.random.default_rng(seed)
     time = _time(scale, moving)

@@ -127,8 +127,6 @@ def track(
         Of `controller_for`; what it had learnt is forgotten.
     points : sequence of TrajectoryPoint
         The motion, from rest to rest.
-    limits : Limits
-        Of the joint.
     """
     rig = controller.rig
     name = rig.joints[0].name

@@ -54,8 +54,6 @@ def check_rig(rig: Rig, only: Bus, rate: float, dbc: str = "") -> RigCheck:
 
     Parameters
     ----------
-    rig : Rig
-        The rig.
     only : Bus
         The bus of a rig whose file describes none.
     rate : float

@@ -231,8 +231,6 @@ def render(
     ----------
     diagnosis : mapping
         The content of diagnosis.json.
-    answer_line : str
-        The answer in one line.
     traces : sequence of Trace
         The channels of a recording.
     improved_rig : str

@@ -107,8 +107,6 @@ def calibrate_joint(
     ----------
     partial : PartialRig
         What the rig file says.
-    number : int
-        Number of the joint.
     recordings, withheld : sequence of Recording
         Recordings that are fitted, and others on which the result is tried.
     said : Said

@@ -161,8 +161,6 @@ def ordinary_numbers(
     ----------
     rig : Rig
         The rig as written.
-    joint : Joint
-        The joint.
     rules : CalibrationRules
         How much of them is usual.
     has_commands : bool

@@ -122,8 +122,6 @@ def jacobian_at(fitter: HypothesisFitter, values: Array, rules: CalibrationRules
 
     Parameters
     ----------
-    fitter : HypothesisFitter
-        Of the numbers.
     values : ndarray, shape (n,)
         The point, in own units.
     rules : CalibrationRules
@@ -156,12 +154,8 @@ def knowledge(
 
     Parameters
     ----------
-    fitter : HypothesisFitter
-        The fitter, with the background of the fit.
     folds : Folds
         Blocks of time of the problem.
-    fitted : Hypothesis
-        The fit.
     rules : CalibrationRules
         How far errors are correlated, and how much more than they show the laws of a rig differ.
     """

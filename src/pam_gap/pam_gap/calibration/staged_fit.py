@@ -168,8 +168,6 @@ def fit_stage(
         The recordings.
     stage : FitStage
         One of `stages`.
-    numbers : sequence of FreeRigNumber
-        All free numbers.
     vector : ndarray, shape (n_parameters,)
         The plant before.
     """

@@ -70,8 +70,6 @@ def simulate_excitation(
         Rig, and recordings that determine the channels and the noise of the new one.
     values : ndarray, shape (n_parameters,)
         Parameters of the plant.
-    excitation : Excitation
-        The excitation.
     """
     mounted = as_mounted(values[None], excitation.mounting)[0]
     parameters = replace(problem.base, values=mounted)
@@ -150,8 +148,6 @@ class ExperimentPlanner:
 
     Parameters
     ----------
-    fitter : HypothesisFitter
-        Of the diagnosis.
     survivors : sequence of Hypothesis
         At least two, the leading one first; `most_survivors` of them are compared.
     """

@@ -149,8 +149,6 @@ class PredictionProblem:
         The rig as its file describes it.
     joint : int
         Number of the joint.
-    recordings : sequence of Recording
-        Recordings of this rig.
     rules : Rules
         Hand-set constants of the diagnosis.
     threads : int

@@ -194,8 +194,6 @@ class SensorBank:
         Plant parameters of each joint.
     period : float
         Between two samples [s].
-    muscles : tuple of MuscleArm, optional
-        Those of each joint.
     """
 
     def __init__(self, values: Array, period: float, muscles: MuscleArms = PAIR) -> None:

@@ -73,8 +73,6 @@ class ExpectedPressure:
     ----------
     robot : Robot
         Gives gas, supply and position limits.
-    muscle : RobotMuscle
-        One of its muscles.
     period : float
         Of a step [s].
     """
