@@ -9,8 +9,6 @@ import numpy as np
 import pytest
 
 import pam_gap
-from pam_check.__main__ import main
-from pam_check.doc_pages.constants_page import PAGE
 from pam_gap.inference.candidates import transport_time
 from pam_gap.prediction.problem import PredictionProblem
 from pam_gap.recordings.noise_floor import channel_noise
@@ -163,12 +161,3 @@ def test_changed_constants_reach_the_code(rig: Rig, record: Maker) -> None:
     assert (quiet, strict) == (True, False)
     wide = changed("search.tolerance_size", 0.6).search
     assert transport_time(0.01, 0.0, wide).free.size == 2.0 * transport_time(0.01, 0.0).free.size
-
-
-def test_the_page_of_constants_is_current(tmp_path: Path) -> None:
-    """Write it again with `pam check rules`."""
-    assert main(["rules", "--out", str(tmp_path)]) == 0
-    written = (tmp_path / PAGE).read_text()
-    assert written == (Path(__file__).parents[2] / "docs" / PAGE).read_text()
-    for entry in table():
-        assert f"| `{entry.path}` | {entry.value:g} |" in written

@@ -5,8 +5,9 @@ from __future__ import annotations
 import os
 
 from pam_check.commands.common_arguments import add_seed
-from pam_model.argument_types import count, input_path, number, output_folder
+from pam_model.argument_types import count, input_path, number
 from pam_model.command_line import Arguments, Command, Outcome, Parser
+from pam_model.common_options import add_out
 
 
 def _declare_blind(parser: Parser) -> None:
@@ -23,9 +24,7 @@ def _declare_blind(parser: Parser) -> None:
         metavar="N",
         help="seed of all random draws (default: from the clock)",
     )
-    parser.add_argument(
-        "--out", type=output_folder, default="out/blind", help="folder (default: %(default)s)"
-    )
+    add_out(parser, "out/blind")
     parser.add_argument(
         "--workers",
         type=count(),
@@ -137,12 +136,7 @@ def _declare_bench(parser: Parser) -> None:
         help="number of muscles (default: %(default)s)",
     )
     add_seed(parser, 1)
-    parser.add_argument(
-        "--out",
-        type=output_folder,
-        default="out/bench_diagnosis",
-        help="folder (default: %(default)s)",
-    )
+    add_out(parser, "out/bench_diagnosis")
 
 
 def _bench(given: Arguments) -> Outcome:

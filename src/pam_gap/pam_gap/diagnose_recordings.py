@@ -229,8 +229,6 @@ def diagnose_subject(
     ----------
     rig : Rig
         The rig as its file describes it.
-    name : str
-        Name of the joint or of the muscle.
     recordings : sequence of Recording
         Recordings without computed channels.
     options : DiagnosisOptions

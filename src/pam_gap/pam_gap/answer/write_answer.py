@@ -233,8 +233,6 @@ def not_identifiable(
     ----------
     fitter : HypothesisFitter
         The fitter of the diagnosis.
-    missing : sequence of str
-        What the recordings lack.
     written : HeldOut
         Score of the plant as written in the rig file.
     location : Location or None

@@ -56,6 +56,17 @@ def interval_words(low: float, high: float) -> str:
     return f"{plain(low, digits)} to {plain(high, digits)}"
 
 
+def written_value(number: CalibratedNumber) -> str:
+    """The number as the rig file has it."""
+    return "missing" if number.written is None else plain(number.written, 4)
+
+
+def status_words(number: CalibratedNumber) -> str:
+    """What the data say of a number, and what would determine it."""
+    more = "" if number.status == DETERMINED else f"; would help: {what_would_help(number)}"
+    return STATUS[number.status] + more
+
+
 def comment_of(number: CalibratedNumber) -> str:
     """The comment behind a number in the calibrated rig file."""
     if number.status == KEPT:

@@ -76,24 +76,15 @@ class _Loader(yaml.SafeLoader):
 
 @dataclass(frozen=True, slots=True)
 class MappedColumn:
-    """One column of a table as a channel: value = factor * column + offset, in SI units.
+    """One column of a table as a channel: value = factor * column + offset, in SI units."""
 
-    Attributes
-    ----------
-    column : str
-        The column; the first of a weighted sum. Empty for a value that is held, the offset.
-    factor, offset : float
-        Factor to the unit of the channel, and what is added in that unit.
-    weight : float
-        Weight of the column.
-    more : tuple of (str, float)
-        Further columns of a weighted sum, with their weights.
-    """
-
+    # The column; the first of a weighted sum. Empty for a value that is held, the offset.
     column: str
+    # factor, offset: factor to the unit of the channel, and what is added in that unit
     factor: float = 1.0
     offset: float = 0.0
-    weight: float = 1.0
+    weight: float = 1.0  # weight of the column
+    # further columns of a weighted sum, with their weights
     more: tuple[tuple[str, float], ...] = ()
 
     @property
