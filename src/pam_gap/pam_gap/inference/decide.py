@@ -92,6 +92,13 @@ def _least_cost(found: Mapping[str, float], nominal: Score, judge: Judge) -> Cho
     return choice
 
 
+def _strongest_first(causes: Mapping[str, float], singles: Sequence[str]) -> dict[str, float]:
+    """Causes, the most probable first; of equally probable ones, the one that is stronger alone."""
+    place = {effect: k for k, effect in enumerate(singles)}
+    ranked = sorted(causes, key=lambda e: (-round(causes[e], 6), place.get(e, len(place)), e))
+    return {effect: causes[effect] for effect in ranked}
+
+
 def _open_sets(choice: Choice, effects: Sequence[str]) -> tuple[tuple[str, ...], ...]:
     """The effects that are in some of the sets of an answer only, as sets of alternatives."""
     if not choice.sets:
@@ -109,7 +116,7 @@ def decide[S: Score](evidence: Evidence[S], rules: Rules) -> Verdict[S]:
     tried = [evidence.settled.get(k, score) for k, score in enumerate(evidence.tried)]
     found = posterior(evidence, rules)
     choice = _least_cost(found, nominal, judge)
-    causes = cause_probabilities(found, {*EFFECTS})
+    causes = _strongest_first(cause_probabilities(found, {*EFFECTS}), evidence.singles)
     named = [[e for e in causes if e in one] for one in choice.sets]
     effects = tuple(dict.fromkeys(e for one in named for e in one))
     names = [" + ".join(sorted(one)) for one in choice.sets]

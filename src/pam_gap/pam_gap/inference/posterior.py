@@ -277,7 +277,7 @@ def _with_hidden(likelihood: Mapping[str, float], statement: Statement) -> dict[
         found[name] = float(np.logaddexp(visible + prior[size], found.get(name, -np.inf)))
         if size < MOST_WITH_HIDDEN:
             hidden = visible + prior[size + 1] + log(statement.hidden)
-            for effect in EFFECTS.keys() - causes:
+            for effect in sorted(EFFECTS.keys() - causes):
                 more = " + ".join(sorted({*causes, effect}))
                 found[more] = float(np.logaddexp(hidden, found.get(more, -np.inf)))
     return found

@@ -24,6 +24,6 @@ def cause_probabilities(probabilities: Mapping[str, float], named: Set[str]) -> 
     """
     found: dict[str, float] = {}
     for explanation, probability in probabilities.items():
-        for effect in named & {*explanation.split(" + ")}:
+        for effect in sorted(named & {*explanation.split(" + ")}):
             found[effect] = found.get(effect, 0.0) + probability
     return dict(sorted(found.items(), key=lambda item: -item[1]))
