@@ -74,6 +74,21 @@ def test_most_of_a_long_recording_is_not_simulated_for_candidates(
 
 
 @needs_numba
+def test_unknown_is_said_only_after_a_search_in_all_data(rig: Rig, record: Maker) -> None:
+    """A measured pair of muscles was `unknown`: its beginning did not show what all of it does."""
+    told: list[str] = []
+    rules = replace(DEFAULT, search=replace(DEFAULT.search, search_rows=500))
+    options = DiagnosisOptions(rules=rules, progress=lambda task, share: told.append(task))
+    for effect, verdict, times in (("dead_volume", "named", 0), ("payload", "unknown", 1)):
+        told.clear()
+        engine = JointDiagnosis(rig, 0, [record(VOLUMES, duration=LONG)], options)
+        engine.candidates = [c for c in engine.candidates if c.effect in (effect, "leakage")]
+        assert engine.run().verdict == verdict
+        assert told.count("seeking effects in all data") == times
+        assert engine.is_from_the_beginning is (times == 0)
+
+
+@needs_numba
 def test_a_beginning_without_the_motion_of_the_rest_is_not_enough(rig: Rig, record: Maker) -> None:
     moving = record(VOLUMES, duration=12.0)
     still = {name: np.full(4000, value[0]) for name, value in moving.values.items()}

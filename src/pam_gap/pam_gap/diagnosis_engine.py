@@ -44,6 +44,7 @@ from pam_gap.inference.hypothesis import FitTask, Hypothesis, HypothesisFitter
 from pam_gap.inference.improved_fit import improved_fit
 from pam_gap.inference.judge import Judge, judge_of
 from pam_gap.inference.loose_lengths import LooseLengths, loose_lengths
+from pam_gap.inference.probabilities import UNKNOWN
 from pam_gap.inference.unlisted import UnlistedFitter
 from pam_gap.prediction.bench_joint import bench_problem
 from pam_gap.prediction.fit import PlantFit
@@ -122,14 +123,19 @@ class JointDiagnosis:
         make = bench_problem if is_bench else partial(PredictionProblem, joint=joint)
         self.problem = make(rig, recordings=recordings, rules=self.rules, threads=options.lanes)
         self.floor = noise_level(self.problem, self.problem.base.values)
-        self.fitter = HypothesisFitter(self.problem, self.floor)
         self.folds: Folds = make_folds(self.problem)
         self.present = self.problem.present
         self.motion = squared_motion(self.problem)
-        self.judge = Judge(self.floor, self.present, self.rules, self.motion)
+        self._begin()
         self.candidates: Sequence[Candidate] = shown_candidates(self.problem)
         self.evidence: Evidence[HeldOut] | None = None
         self.lengths: LooseLengths | None = None
+        self.is_from_the_beginning = False  # whether the last search was
+
+    def _begin(self) -> None:
+        """Set the state of a search that has not found anything yet."""
+        self.fitter = HypothesisFitter(self.problem, self.floor)
+        self.judge = Judge(self.floor, self.present, self.rules, self.motion)
 
     def written(self) -> HeldOut:
         """Score of the plant as written in the rig file, without any fit."""
@@ -144,12 +150,32 @@ class JointDiagnosis:
         """The search for effects in all data."""
         return EffectSearch(self.fitter, self.folds, self.judge, self.candidates, self.progress)
 
-    def search(self) -> SearchResult:
+    def search(self, *, in_all_data: bool = False) -> SearchResult:
         """Search effects, in the beginning of the recordings first if that shows enough."""
         self.progress("re-tuning nominal parameters", 0.0)
         whole = self.effect_search()
-        small = search_of_the_beginning(whole)
+        small = None if in_all_data else search_of_the_beginning(whole)
+        self.is_from_the_beginning = small is not None
         return (BeginningFirst(whole, small) if small else whole).run()
+
+    def searched(self) -> tuple[Evidence[HeldOut], Verdict[HeldOut], Location]:
+        """What the search finds, and the verdict.
+
+        What the beginning does not show may be the cause. Before the answer is `unknown`, the
+        effects are therefore sought in all data.
+        """
+        found = self._decided(self.search())
+        if found[1].verdict != UNKNOWN or not self.is_from_the_beginning:
+            return found
+        self.progress("seeking effects in all data", 0.0)
+        self._begin()
+        return self._decided(self.search(in_all_data=True))
+
+    def _decided(
+        self, result: SearchResult
+    ) -> tuple[Evidence[HeldOut], Verdict[HeldOut], Location]:
+        evidence, location = self.evidence_of(result)
+        return evidence, decide(evidence, self.rules), location
 
     def settled(self, score: HeldOut) -> HeldOut:
         """Complete the fit of a hypothesis, from the rig file's numbers, and return its score."""
@@ -232,10 +258,10 @@ class JointDiagnosis:
         self, verdict: Verdict[HeldOut], survivors: Sequence[Hypothesis]
     ) -> Proposal | None:
         """The next experiment, if the verdict leaves something open."""
-        if not self.with_experiment or verdict.verdict not in ("ambiguous", "unknown"):
+        if not self.with_experiment or verdict.verdict not in ("ambiguous", UNKNOWN):
             return None
         self.progress("next experiment", 0.97)
-        if verdict.verdict == "unknown":  # the hypotheses that come closest
+        if verdict.verdict == UNKNOWN:  # the hypotheses that come closest
             ranked = sorted(verdict.tried, key=self.judge.level)
             survivors = [s.hypothesis for s in ranked[: self.rules.experiment.closest]]
         return propose(self.fitter, survivors)
@@ -264,8 +290,7 @@ class JointDiagnosis:
         missing = what_is_missing(self.problem)
         if missing:
             return self.not_identifiable(missing)
-        evidence, location = self.evidence_of(self.search())
-        verdict = decide(evidence, self.rules)
+        evidence, verdict, location = self.searched()
         self.judge = verdict.judge
         self.progress("gap figures", 0.96)
         named = verdict.named
