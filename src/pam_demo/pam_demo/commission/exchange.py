@@ -14,6 +14,7 @@ from enum import Enum
 from typing import Final
 
 from pam_demo.commission.robot_port import JointReading, RobotPort
+from pam_model.effects import EFFECTS
 from pam_model.rig.partial import PartialRig
 
 
@@ -85,11 +86,16 @@ def why_not(partial: PartialRig, mend: Mend) -> str:
     first, second = (partial.rig.muscle(name) for name in joint.muscles)
     lower, upper = joint.position_limits
     if mend is Mend.HOSES and first.max_pressure != second.max_pressure:
-        change = f"exchange board, channel, pressure_sensor and valve of {first.name} and "
-        change += second.name
+        found = {n for n in (*first.effects, *second.effects) if EFFECTS[n].is_of_the_valve}
+        effects = [f"effects.{name}" for name in EFFECTS if name in found]
+        *keys, last = ["board", "channel", "pressure_sensor", "valve", *effects]
+        change = f"exchange {', '.join(keys)} and {last} of {first.name} and {second.name}"
     elif mend is Mend.ENCODER and lower != -upper:
-        other = rewired(partial, mend).rig.to_parameters()[joint.name]
-        keys = ("muscles", "position_limits", "gravity_angle")
+        turned = rewired(partial, mend).rig
+        other = turned.to_parameters()[joint.name]
+        keys = ["muscles", "position_limits", "gravity_angle"]
+        if turned.joints[0].effects != joint.effects:
+            keys.append("effects")
         texts = [f"{key}: {other[key]}".replace("'", "") for key in keys]
         change = f"write {', '.join(texts)} for {joint.name}"
     else:
@@ -114,12 +120,7 @@ def rewired(partial: PartialRig, mend: Mend) -> PartialRig:
     first, second = (rig.muscle(name) for name in joint.muscles)
     if mend is Mend.HOSES:
         for one, other in _both(first, second):
-            rig = rig.with_muscle(
-                replace(
-                    one, valve=other.valve, board=other.board, channel=other.channel,
-                    pressure_sensor=other.pressure_sensor,
-                )
-            )  # fmt: skip
+            rig = rig.with_muscle(one.with_valve_of(other))
         places = {f"{a.name}.valve.": f"{b.name}.valve." for a, b in _both(first, second)}
         ranges = {_moved(key, places): ends for key, ends in partial.ranges.items()}
         missing = frozenset(_moved(key, places) for key in partial.missing)

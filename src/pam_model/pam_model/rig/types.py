@@ -180,6 +180,19 @@ class Muscle:
         """The geometry that every force model needs."""
         return MuscleGeometry(self.thread_length, self.turns, self.rest_length, self.wall_thickness)
 
+    def with_valve_of(self, other: Muscle) -> Muscle:
+        """The same muscle behind the valve and the pressure sensor of another one."""
+        own = {n: each for n, each in self.effects.items() if not EFFECTS[n].is_of_the_valve}
+        moved = {n: each for n, each in other.effects.items() if EFFECTS[n].is_of_the_valve}
+        return replace(
+            self,
+            valve=other.valve,
+            board=other.board,
+            channel=other.channel,
+            pressure_sensor=other.pressure_sensor,
+            effects=own | moved,
+        )
+
     def create_force_model(self) -> ForceModel:
         """Its static force model, without effects.
 
@@ -260,6 +273,10 @@ class Joint:
             muscles=(self.antagonist, self.agonist),
             position_limits=(-upper, -lower),
             gravity_angle=-self.gravity_angle,
+            effects={
+                name: EFFECTS[name].counted_the_other_way(values)
+                for name, values in self.effects.items()
+            },
         )
 
     @property
