@@ -87,7 +87,7 @@ class Kept:
         path = self._path(name)
         with reading(path, "a recording of this commissioning"):
             table = pd.read_csv(path)
-            return table.astype({name: float for name in ("time", *table.columns)})
+            return table.astype(dict.fromkeys(("time", *table.columns), float))
 
     def add(self, name: str, table: pd.DataFrame) -> None:
         """Keep a complete recording."""
