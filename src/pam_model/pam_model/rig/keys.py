@@ -30,7 +30,8 @@ class Key:
 
     A number that is `by_size` may be left out as well: it then follows from the rest of the rig.
     `text` says what it means, in one line. `guess` is where a calibration begins that finds the
-    number from a recording; None for a number that no recording determines.
+    number from a recording; None for a number that no recording determines. One that `is_measured`
+    must be written, but a calibration corrects it within its range.
     """
 
     unit: str
@@ -40,6 +41,12 @@ class Key:
     by_size: bool = False
     text: str = ""
     guess: float | None = None
+    is_measured: bool = False
+
+    @property
+    def may_be_range(self) -> bool:
+        """Whether a rig file that is to be calibrated may have a range in place of the number."""
+        return self.is_measured or self.guess is not None
 
 
 TURN = 2.0 * math.pi
@@ -55,7 +62,8 @@ LENGTH_TOLERANCE = Key(
 # fmt: off
 NUMBERS: Mapping[str, Mapping[str, Key]] = {
     "": {
-        "supply_pressure": Key("Pa absolute", 1.05e5, 2.5e6, text="what the valves draw from"),
+        "supply_pressure": Key("Pa absolute", 1.05e5, 2.5e6, text="what the valves draw from",
+            is_measured=True),
         "parameter_tolerance": Key("-", 0.0, 0.5, 0.02,
             text="how far the true value of a number may be from the written one, relative "
                  "(0.02 = 2 %)"),
@@ -75,7 +83,7 @@ NUMBERS: Mapping[str, Mapping[str, Key]] = {
         "port": Key("-", 1024, 65535, 43113, text="UDP port, used by udp_multicast only"),
     },
     "joint": {
-        "pulley_radius": Key("m", 1e-3, 0.5,
+        "pulley_radius": Key("m", 1e-3, 0.5, is_measured=True,
             text="radius at which the tendons of both muscles pull"),
         "inertia": Key("kg m^2", 1e-8, 1e3, text="about the joint's axis", guess=1e-3),
         "viscous_friction": Key("N m s/rad", 0.0, 1e3, 0.0, guess=1e-3,
@@ -98,11 +106,14 @@ NUMBERS: Mapping[str, Mapping[str, Key]] = {
             text="largest rate of change of the stiffness reference"),
     },
     "muscle": {
-        "thread_length": Key("m", 5e-3, 10.0, text="b, length of one thread of the braid"),
-        "turns": Key("-", 1e-2, 1e3, text="n, turns of one thread about the axis"),
+        "thread_length": Key("m", 5e-3, 10.0, text="b, length of one thread of the braid",
+            is_measured=True),
+        "turns": Key("-", 1e-2, 1e3, text="n, turns of one thread about the axis",
+            is_measured=True),
         "wall_thickness": Key("m", 0.0, 0.02, 0.0, text="t_k, bladder and sheath"),
         "rest_length": Key("m", 5e-3, 10.0, text="unpressurised braid length"),
-        "neutral_length": Key("m", 5e-3, 10.0, text="length at joint position 0"),
+        "neutral_length": Key("m", 5e-3, 10.0, text="length at joint position 0",
+            is_measured=True),
         "dead_volume": Key("m^3", 0.0, 0.01, 0.0, guess=2e-5,
             text="gas volume outside the braid (fittings, tube)"),
         "max_pressure": Key("Pa gauge", 1e4, 2.5e6, text="the driver vents above it"),
@@ -244,7 +255,8 @@ class Section:
         if isinstance(value, Mapping) and BETWEEN in value:
             self.add(
                 name,
-                f": a range, where a number{unit and ' in' + unit} is needed{FOUND}",
+                f": a range, where a number{unit and ' in' + unit} is needed"
+                f"{FOUND if key.may_be_range else ''}",
             )
             return None
         if isinstance(value, bool) or not isinstance(value, int | float):
