@@ -294,8 +294,19 @@ def test_columns_that_fit_alike_are_named(rig: Rig, tmp_path: Path) -> None:
     preview = import_log(written(tmp_path / "log.csv", names, *columns), rig, tmp_path / "out")
     assert preview.doubts[0] == f"{PRESSURE}: 'p_right' fits as well as 'p_left'"
     assert "fits as well as" in (tmp_path / "out" / "preview.html").read_text()
-    equal = written(tmp_path / "log.csv", "t;p_left;p_right;phi", TIME, FIRST, FIRST, ANGLE)
-    assert not import_log(equal, rig, tmp_path / "out").doubts
+    equal = written(tmp_path / "log.csv", names, TIME, FIRST, FIRST, ANGLE)
+    assert not any("fits" in text for text in import_log(equal, rig, tmp_path / "out").doubts)
+
+
+def test_a_unit_that_only_the_size_says_is_to_be_checked(rig: Rig, tmp_path: Path) -> None:
+    """Set points from 0 to 1 of a regulator looked like MPa."""
+    columns = (1e3 * TIME, 1e-5 * FIRST, 1e-5 * SECOND, np.degrees(ANGLE))
+    path = written(tmp_path / "log.csv", "t;p1;p2;phi", *columns)
+    told = ["'t': taken for ms by the size", "'p1', 'p2': taken for bar by the size",
+            "'phi': taken for deg by the size"]  # fmt: skip
+    assert sorted(import_log(path, rig, tmp_path / "out").doubts) == sorted(told)
+    stated = written(tmp_path / "log.csv", "t_ms;p1_bar;p2_bar;phi_deg", *columns)
+    assert not import_log(stated, rig, tmp_path / "out").doubts
 
 
 @pytest.mark.parametrize(

@@ -71,6 +71,7 @@ class Proposed:
     more: tuple[tuple[str, float], ...] = ()
     absolute: bool = False  # whether its unit says that it is an absolute pressure
     alike: tuple[str, ...] = ()  # other columns that fit as well by their names and units
+    is_guessed: bool = False  # whether the unit follows from the size of the values alone
 
 
 def wanted_channels(rig: Rig) -> list[str]:
@@ -315,6 +316,7 @@ def _best(
             _rest_of_time(columns, found[channel].name) if channel == "time" else (),
             found[channel].absolute and channel.startswith(PRESSURES),
             tuple(_others(alike.get(channel, []), found[channel].name, columns)),
+            not found[channel].unit,
         )
         for channel in channels
         if channel in found
@@ -345,6 +347,11 @@ def doubts(proposed: Sequence[Proposed], table: Table, rig: Rig) -> list[str]:
         for one in proposed
         if one.alike
     ]
+    guessed: dict[str, list[str]] = {}
+    for one in proposed:
+        if one.is_guessed and one.unit:
+            guessed.setdefault(one.unit, []).append(one.column)
+    found += [f"{all_shown(of)}: taken for {unit} by the size" for unit, of in guessed.items()]
     used = {one.column for one in proposed}
     names = [
         ColumnName(name, table.units.get(name, ""), table.columns)
