@@ -10,8 +10,8 @@ import numpy as np
 from pam_gap.answer.page_style import BREAKABLE, STYLE
 from pam_gap.answer.traces import Trace, draw
 from pam_gap.answer.user_units import plain, told
-from pam_gap.calibration.answer import STATUS, interval_words, sentence, what_would_help
-from pam_gap.calibration.calibration import DETERMINED, Calibration
+from pam_gap.calibration.answer import STATUS, before, interval_words, sentence, what_would_help
+from pam_gap.calibration.calibration import DETERMINED, KEPT, Calibration
 from pam_gap.prediction.channel_order import UNITS
 from pam_gap.prediction.channels import block_means
 from pam_gap.prediction.problem import PredictionProblem
@@ -90,8 +90,8 @@ def render(calibration: Calibration, withheld: str) -> str:
     rows = [
         {
             "key": one.key,
-            "written": "missing" if one.written is None else plain(one.written, 4),
-            "value": plain(one.value, 4),
+            "written": before(one),
+            "value": before(one) if one.status == KEPT else plain(one.value, 4),
             "interval": interval_words(one.low, one.high),
             "unit": one.unit,
             "stage": one.stage,

@@ -11,7 +11,9 @@ import contextlib
 import os
 import sys
 from collections.abc import Collection, Hashable, Mapping, Sequence
+from functools import reduce
 from itertools import pairwise
+from operator import getitem
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +21,7 @@ import yaml
 
 from pam_model.errors import PamError, RigError
 from pam_model.rig.bus_keys import DEVICE_FILES
+from pam_model.rig.keys import BETWEEN
 from pam_model.rig.parser import parse_rig, unflatten
 from pam_model.rig.ros_yaml import refused_by_nodes
 from pam_model.rig.types import Rig
@@ -229,8 +232,9 @@ def save_rig(
     path: str | Path,
     notes: Sequence[str] = (),
     comments: Mapping[str, str] | None = None,
+    left_open: Mapping[str, tuple[float, float] | None] | None = None,
 ) -> None:
-    """Write a rig file that `load_rig` reads back to an equal rig.
+    """Write a rig file that `load_rig` reads back to an equal rig, if nothing is left open.
 
     Parameters
     ----------
@@ -242,6 +246,9 @@ def save_rig(
         Lines of comment at the beginning of the file, such as where its numbers come from.
     comments : mapping of str to str, optional
         Comments behind single numbers, by key, as `elbow.inertia`.
+    left_open : mapping of str to (float, float) or None, optional
+        Numbers that are written as a range, or are left out, by key; only `load_partial_rig` reads
+        such a file.
 
     Raises
     ------
@@ -255,6 +262,12 @@ def save_rig(
             name = section.get(key)
             if isinstance(name, str) and Path(name).parent == path.parent.resolve():
                 section[key] = Path(name).name
+    for key, ends in (left_open or {}).items():
+        *places, last = key.split(".")
+        section = reduce(getitem, places, tree)
+        section.pop(last, None)
+        if ends is not None:
+            section[last] = {BETWEEN: list(ends)}
     text = yaml.dump(
         {"/**": {"ros__parameters": tree}}, Dumper=_Dumper, sort_keys=False, allow_unicode=True
     )
