@@ -1,6 +1,8 @@
 """Small swings, at rest and in motion, are told with their cause, and nothing else is."""
 
 import math
+import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -319,6 +321,30 @@ def test_swings_slower_than_the_loop_come_from_outside_and_leave_the_gains(rig):
     guard = LoopGuard(compose(rig).joints)
     assert swinging(guard, hertz=1.0) == []
     assert "outside torque" in guard.swings
+
+
+def test_another_cause_is_told_after_somebody_has_pushed(rig):
+    """The gains were lowered without a word, since swings had been told before."""
+    guard = LoopGuard(compose(rig).joints)
+    assert swinging(guard, hertz=1.0) == []
+    guard.restart()
+    assert GuardAction.LOWER in [verdict for _, verdict in swinging(guard, hertz=5.0)]
+    first, second = guard.swings.split("; elbow: ")
+    assert "outside torque" in first
+    assert "a delay" in second
+
+
+def test_the_swings_of_every_joint_are_told(rig):
+    joint = compose(rig).joints[0]
+    guard = LoopGuard([joint, replace(joint, name="wrist")])
+    for k in range(4000):
+        time, joints = k * PERIOD, []
+        for begins, hertz in ((0.0, 1.0), (4.0, 0.8)):
+            error = 3e-3 * np.sin(2.0 * np.pi * hertz * time) * (time >= begins)
+            motion = MeasuredMotion(-error, 0.0, time)
+            joints.append(JointTelemetry(JointReference(0.0), motion, error))
+        guard.judge(time, joints, 0.3, Means(True, 2, [14.0, 14.0]))
+    assert re.findall(r"(\w+): the joint swings", guard.swings) == ["elbow", "wrist"]
 
 
 def test_a_joint_that_sticks_in_motion_keeps_its_gains(rig):
