@@ -14,8 +14,8 @@ from enum import Enum
 from typing import Final
 
 from pam_demo.commission.robot_port import JointReading, RobotPort
-from pam_model.effects import EFFECTS
 from pam_model.rig.partial import PartialRig
+from pam_model.rig.rewiring import crossed_hoses, turned_encoder
 
 
 class Mend(Enum):
@@ -86,18 +86,9 @@ def why_not(partial: PartialRig, mend: Mend) -> str:
     first, second = (partial.rig.muscle(name) for name in joint.muscles)
     lower, upper = joint.position_limits
     if mend is Mend.HOSES and first.max_pressure != second.max_pressure:
-        found = {n for n in (*first.effects, *second.effects) if EFFECTS[n].is_of_the_valve}
-        effects = [f"effects.{name}" for name in EFFECTS if name in found]
-        *keys, last = ["board", "channel", "pressure_sensor", "valve", *effects]
-        change = f"exchange {', '.join(keys)} and {last} of {first.name} and {second.name}"
+        change = crossed_hoses(partial.rig, joint)
     elif mend is Mend.ENCODER and lower != -upper:
-        turned = rewired(partial, mend).rig
-        other = turned.to_parameters()[joint.name]
-        keys = ["muscles", "position_limits", "gravity_angle"]
-        if turned.joints[0].effects != joint.effects:
-            keys.append("effects")
-        texts = [f"{key}: {other[key]}".replace("'", "") for key in keys]
-        change = f"write {', '.join(texts)} for {joint.name}"
+        change = turned_encoder(partial.rig, joint)
     else:
         return ""
     return (
