@@ -1,6 +1,7 @@
 """A log is understood as laboratories write it, or its strange column is named; never guessed."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -323,6 +324,20 @@ def test_a_column_that_is_left_out_says_why(
     path = written(tmp_path / "log.csv", names, TIME, FIRST, SECOND, values)
     (doubt,) = (d for d in import_log(path, rig, tmp_path / "out").doubts if "joint" in d)
     assert doubt.startswith(f"joint_states.elbow.position: '{name}' looks like it, but {reason}")
+
+
+def test_a_contraction_of_a_muscle_on_a_bench_is_explained(rig: Rig, tmp_path: Path) -> None:
+    bench = replace(rig, joints=(), muscles=rig.muscles[:1])
+    names, contraction = "t;p [bar];contraction [%];load [kg]", 5.0 + 10.0 * ANGLE
+    path = written(tmp_path / "log.csv", names, TIME, 1e-5 * FIRST, contraction, 20.0 + ANGLE)
+    doubts = import_log(path, bench, tmp_path / "out").doubts
+    rest = f"{rig.muscles[0].rest_length:g}"
+    assert [text.split(": ", 1)[1] for text in doubts] == [
+        f"'contraction [%]' looks like a contraction; for a share of the rest length, write "
+        f"`scale: -{rest}, offset: {rest}` (`scale: -0.00{rest[2:]}` for per cent)",
+        "'load [kg]' looks like it, but has another unit; `scale` and `offset` of the map can "
+        "convert it",
+    ]
 
 
 GROUPED: Final = {

@@ -36,6 +36,8 @@ _SEEN: Final = frozenset([
     "ist",
 ])  # fmt: skip
 """Words of what was measured, which do not say what it is."""
+_CONTRACTION: Final = frozenset(["contraction", "epsilon", "eps", "shortening"])
+"""Words of how much shorter a muscle is, over its rest length."""
 _SIDES: Final = (
     frozenset(["ago", "agonist", "agon"]),
     frozenset(["ant", "antago", "antagonist", "antag"]),
@@ -358,12 +360,16 @@ def doubts(proposed: Sequence[Proposed], table: Table, rig: Rig) -> list[str]:
         for name in table.columns
         if name not in used
     ]
-    there = {one.channel for one in proposed}
+    there, benches = {one.channel for one in proposed}, bench_muscles(rig)
     places: dict[str, int] = {}
     for channel in wanted_channels(rig):
         kind = _kind(channel)
         place = places[kind] = places.get(kind, 0) + 1
-        if channel in there or not channel.startswith((PRESSURES, COMMANDS, JOINTS)):
+        muscle = channel.partition(".")[2].partition(".")[0]
+        is_needed = channel.startswith((PRESSURES, COMMANDS, JOINTS)) or (
+            channel.startswith(MUSCLES) and muscle in benches
+        )
+        if channel in there or not is_needed:
             continue
         scores = {name: _score_of_words(channel, place, name, rig) for name in names}
         best = max(scores.values(), default=0.0)
@@ -371,6 +377,15 @@ def doubts(proposed: Sequence[Proposed], table: Table, rig: Rig) -> list[str]:
             reason = _why_left_out(channel, name, table, rig)
             if reason:
                 found.append(f"{channel}: {shown(name.name)} looks like it, but {reason}")
+        if kind == "length":
+            rest = rig.muscle(muscle).rest_length
+            found += [
+                f"{channel}: {shown(name.name)} looks like a contraction; for a share of the rest "
+                f"length, write `scale: -{rest:g}, offset: {rest:g}` (`scale: -{0.01 * rest:g}` "
+                "for per cent)"
+                for name in names
+                if name.words & _CONTRACTION
+            ]
     return found
 
 
