@@ -76,7 +76,7 @@ class StalledError(PamError):
 
 def _lower(driver: Driver, loop: Loop, hurry: Callable[[], bool]) -> None:
     before = loop.statistics.cycles
-    _wait_while(lambda: loop.statistics.cycles == before, loop, hurry)
+    _wait_while(lambda: loop.busy and loop.statistics.cycles == before, loop, hurry)
     driver.deactivate(time.monotonic())
     # it ends by itself after lowering_timeout as long as the thread runs
     _wait_while(lambda: driver.lowers, loop, hurry)
