@@ -75,8 +75,8 @@ class StalledError(PamError):
 
 
 def _lower(driver: Driver, loop: Loop, hurry: Callable[[], bool]) -> None:
-    before = loop.statistics.cycles
-    _wait_while(lambda: loop.busy and loop.statistics.cycles == before, loop, hurry)
+    before = loop.statistics.cycles  # also in a hurry: a stalled cycle may keep the driver's lock
+    _wait_while(lambda: loop.busy and loop.statistics.cycles == before, loop, lambda: False)
     driver.deactivate(time.monotonic())
     # it ends by itself after lowering_timeout as long as the thread runs
     _wait_while(lambda: driver.lowers, loop, hurry)
