@@ -10,7 +10,7 @@ from __future__ import annotations
 import contextlib
 import os
 import sys
-from collections.abc import Collection, Hashable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from functools import reduce
 from itertools import pairwise
 from operator import getitem
@@ -20,6 +20,7 @@ from typing import Any
 import yaml
 
 from pam_model.errors import PamError, RigError
+from pam_model.plain_yaml import PlainLoader
 from pam_model.rig.bus_keys import DEVICE_FILES
 from pam_model.rig.keys import BETWEEN
 from pam_model.rig.parser import parse_rig, unflatten
@@ -30,34 +31,18 @@ MAX_FILE_SIZE = 1 << 20
 """Size limit of a rig file [bytes]."""
 
 
-class _Loader(yaml.SafeLoader):
-    """Plain YAML without aliases, which can expand without limit, and without duplicate keys.
-
-    `refused` has one line for everything that a node would refuse in the file.
-    """
+class _Loader(PlainLoader):
+    """Plain YAML; `refused` has one line for everything that a node would refuse in the file."""
 
     def __init__(self, text: bytes) -> None:
         super().__init__(text)
         self.refused: list[str] = []
 
     def compose_node(self, parent: Any, index: Any) -> Any:
-        if self.check_event(yaml.AliasEvent):
-            raise yaml.YAMLError("aliases (*name) are not allowed in a rig file")
         node = super().compose_node(parent, index)
         if node is not None:
             self.refused += refused_by_nodes(node)
         return node
-
-    def construct_mapping(self, node: Any, deep: bool = False) -> dict[Hashable, Any]:
-        seen = set()
-        for key, _ in node.value:
-            if not isinstance(key, yaml.ScalarNode):
-                continue
-            if key.value in seen:
-                line = key.start_mark.line + 1
-                raise yaml.YAMLError(f"line {line}: {key.value} appears twice")
-            seen.add(key.value)
-        return super().construct_mapping(node, deep)
 
 
 class _Dumper(yaml.SafeDumper):
