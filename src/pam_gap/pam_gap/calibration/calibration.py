@@ -299,8 +299,8 @@ def not_sought(
         key = key_in_file(name, joint)
         if key in sought or not (key in partial.ranges or key in partial.missing):
             continue
-        if key == f"{joint.name}.gravity_angle" and joint.gravity_torque == 0.0:
-            continue
+        if name == "joint.gravity_angle" and f"{joint.name}.gravity_torque" not in sought:
+            continue  # gravity does not act on the joint
         stated, value = partial.ranges.get(key), float(vector[INDEX[name]])
         written, ends = value if stated else None, stated or bounds_of(name)
         where = NO_COMMANDS if stage == GAS else stage
