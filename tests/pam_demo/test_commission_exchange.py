@@ -90,6 +90,19 @@ def test_what_a_person_confirms_is_mended_and_the_first_motion_is_played(
     assert again.ended == done.ended
 
 
+@pytest.mark.parametrize("exchanged", ["hoses", "sign of the joint"])
+def test_what_was_put_right_at_the_robot_meanwhile_is_noticed(
+    elbow: Rig, begin: Callable[..., Commissioned], exchanged: str
+) -> None:
+    """A commissioning that goes on would have played its motions with the muscles changed over."""
+    assert begin(WiredPort(elbow, exchanged), OF_A_PERSON[exchanged]).steps
+    port = WiredPort(elbow, "")
+    again = begin(port, None)
+    assert not again.steps
+    assert "If it was put right at the robot since, begin again with another folder" in again.ended
+    assert max(abs(one.position - port.truth[0].position) for one in port.truth) < 0.2
+
+
 @pytest.mark.parametrize("exchanged", EXCHANGES)
 @pytest.mark.parametrize("sees", [None, Mend.HOSES, Mend.ENCODER])
 def test_without_a_person_who_sees_it_an_exchange_ends_it(
