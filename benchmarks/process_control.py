@@ -31,7 +31,8 @@ from pam_control.controller_parameters import COMMAND_DELAY
 from pam_control.references.trajectory import TrajectoryPoint
 from pam_control.settings import ControlSettings
 from pam_model.argument_types import number
-from pam_model.command_line import Arguments, Command, Outcome, Parser, chosen_rig, run_command
+from pam_model.command_line import Arguments, Command, Outcome, Parser, run_command
+from pam_model.common_options import chosen_rig
 from pam_model.rig import load_rig
 from pam_robot.direct_link import COMMAND_DELAY as DIRECT_DELAY
 

@@ -10,7 +10,6 @@ if __name__ == "__main__":  # before the imports below, which take time
     end_at_signals()
 
 import sys
-from collections.abc import Sequence
 
 from pam_check.commands import (
     blind,
@@ -24,6 +23,7 @@ from pam_check.commands import (
     states,
 )
 from pam_model.command_line import Tool
+from pam_ros.program_name import PROGRAM
 
 COMMANDS = (
     *faults.COMMANDS,
@@ -38,12 +38,15 @@ COMMANDS = (
 )
 
 
-TOOL = Tool("check", "Checks of the whole suite, on simulated rigs", COMMANDS)
+PAGES = f"{PROGRAM} check pages"
+TOOL = Tool(
+    "check",
+    "Checks of the whole suite, on simulated rigs",
+    COMMANDS,
+    moved=dict.fromkeys(("effects", "rules", "fault-tables"), PAGES),
+)
 
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command and return the exit code."""
-    return TOOL.run(arguments)
+main = TOOL.run
 
 
 if __name__ == "__main__":

@@ -24,11 +24,13 @@ setup(
     ],
     install_requires=[
         f"pam_cli=={VERSION}",
+        f"pam_control=={VERSION}",
         f"pam_demo=={VERSION}",
         f"pam_driver=={VERSION}",
         f"pam_gap=={VERSION}",
         f"pam_model=={VERSION}",
         f"pam_ros=={VERSION}",
+        f"pam_sim=={VERSION}",
         "rosbags>=0.11",
     ],
     extras_require={

@@ -19,7 +19,6 @@ setup(
         (f"share/{NAME}", ["package.xml", "CHANGELOG.rst", "LICENSE"]),
     ],
     install_requires=[
-        "jinja2>=3.1",
         "matplotlib>=3.6",
         "numpy>=1.26",
         f"pam_cli=={VERSION}",
@@ -32,7 +31,6 @@ setup(
         f"pam_sim=={VERSION}",
         "pandas>=2.1",
         "rich>=13.7",
-        "rosbags>=0.11",
         "scipy>=1.11",
     ],
     extras_require={"ros": [f"pam_ros[ros]=={VERSION}"], "test": ["pytest"]},

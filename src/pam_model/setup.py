@@ -23,7 +23,6 @@ setup(
         "matplotlib>=3.6",
         "numpy>=1.26",
         f"pam_ros=={VERSION}",
-        "pillow>=10.2",
         "pyyaml>=6.0",
         "scipy>=1.11",
         "tqdm>=4.66",

@@ -19,6 +19,7 @@ from typing import Any
 
 import yaml
 
+from pam_bringup.launch_arguments import ARGUMENTS, OF_SIMULATION
 from pam_bringup.viewer import markers_help
 from pam_control import controller_help, controller_parameters
 from pam_driver import driver_parameters
@@ -234,7 +235,7 @@ def _ros2_launch(words: list[str]) -> None:
     path = ROOT / "src" / package / "launch" / file
     if not path.exists():
         raise _WrongError(f"{package} has no launch file {file}")
-    known = set(re.findall(r'DeclareLaunchArgument\(\s*"(\w+)"', path.read_text(encoding="utf-8")))
+    known = OF_SIMULATION if file == "simulation.launch.py" else tuple(ARGUMENTS)
     for word in rest:
         name, given, _ = word.partition(":=")
         if not given or name not in known:

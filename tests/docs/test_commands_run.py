@@ -30,7 +30,7 @@ NOT_RUN = {
     r".*pam bringup ": "needs a display; tests/pam_bringup",
     r".*pam gap (calibrate|diagnose|fleet|import|compare) ": "needs recordings; in tests/pam_gap",
     r".*pam gap record ": "needs a running robot; tests/pam_gap runs it",
-    r".*pam model gallery|.*--page docs/": "rewrites pages of this project",
+    r".*pam check pages": "rewrites pages of this project",
     r"git clone ": "needs the network",
     r"firmware": "is built by tests/firmware",
 }

@@ -22,7 +22,7 @@ from rclpy.parameter import Parameter as RosParameter  # noqa: E402
 
 from pam_control.controller_parameters import parameter_table  # noqa: E402
 from pam_model.rig import described_key, load_rig, rig_of_node  # noqa: E402
-from pam_model.rig.keys import NUMBERS  # noqa: E402
+from pam_model.rig.types import NUMBERS  # noqa: E402
 from pam_ros.parameters import NodeParameters  # noqa: E402
 from support.source_tree import ROOT, SOURCE, modules  # noqa: E402
 

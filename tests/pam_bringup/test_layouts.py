@@ -15,7 +15,7 @@ from pam_bringup.__main__ import main as bringup
 from pam_bringup.layouts.foxglove import foxglove_layout
 from pam_bringup.layouts.plotjuggler import plotjuggler_layout
 from pam_bringup.layouts.plots import plots_of
-from pam_bringup.security.policy import POLICY, rights_of
+from pam_bringup.security.policy import NODES, rights_of
 from pam_control.actions.follow_trajectory import NAME as ACTION
 from pam_control.controller_help import HELP as CONTROLLER
 from pam_driver.driver_parameters import HELP as DRIVER
@@ -165,11 +165,11 @@ def test_rviz_shows_the_robot_in_the_first_frame_of_its_urdf():
     assert model["Description Topic"]["Value"] == ROBOT_STATE_PUBLISHER
 
 
-@pytest.mark.parametrize("node", [*POLICY, GAP_MONITOR])
+@pytest.mark.parametrize("node", [*NODES, GAP_MONITOR])
 def test_the_aggregator_has_a_group_for_every_node_with_diagnostics(node):
     tree = yaml.safe_load((LAYOUTS / "diagnostic_aggregator.yaml").read_text())
     groups = [g for g in tree["/**"]["ros__parameters"].values() if isinstance(g, dict)]
-    if node in POLICY and "/diagnostics" not in rights_of(node, RIG)["publish"]:
+    if node in NODES and "/diagnostics" not in rights_of(node, RIG)["publish"]:
         return
     for name in (f"{node}: loop", f"robot1/{node}: loop"):
         assert [g["path"] for g in groups if any(text in name for text in g["contains"])]
@@ -182,6 +182,6 @@ def test_moveit_calls_the_action_of_the_controller_for_the_joints_of_the_rig():
     entry = manager[name]
     assert entry["type"] in next(e.kind for e in CONTROLLER.serves if e.name == ACTION)
     assert f"~/{entry['action_ns']}" == ACTION
-    assert name in POLICY
+    assert name in NODES
     assert entry["joints"] == list(RIG.joint_names)
     assert any(endpoint.name == "joint_states" for endpoint in DRIVER.publishes)

@@ -7,7 +7,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from pam_bringup.security import check_node as security_check_node
-from pam_bringup.security.policy import POLICY, policy_xml, rights_of
+from pam_bringup.security.policy import NODES, policy_xml, rights_of
 from pam_model.rig import load_rig
 from support.rigs import ELBOW
 
@@ -15,13 +15,13 @@ RIG = load_rig(ELBOW)
 FILE = Path(__file__).parents[2] / "config/security_policy.xml"
 
 
-def test_the_file_is_written_from_the_table():
+def test_the_file_is_written_from_what_the_nodes_say():
     assert FILE.read_text(encoding="utf-8") == policy_xml(RIG)
 
 
 def test_every_node_has_one_profile_and_nothing_is_allowed_by_wildcard():
     root = ElementTree.fromstring(policy_xml(RIG))
-    assert [profile.get("node") for profile in root.iter("profile")] == list(POLICY)
+    assert [profile.get("node") for profile in root.iter("profile")] == list(NODES)
     tags = ("topic", "service", "action")
     names = [entry.text or "" for tag in tags for entry in root.iter(tag)]
     assert names
@@ -29,7 +29,7 @@ def test_every_node_has_one_profile_and_nothing_is_allowed_by_wildcard():
 
 
 def test_only_the_controller_commands_valves():
-    commanders = [n for n in POLICY if "/valve_commands" in rights_of(n, RIG)["publish"]]
+    commanders = [n for n in NODES if "/valve_commands" in rights_of(n, RIG)["publish"]]
     assert commanders == ["pam_controller"]
 
 
@@ -47,7 +47,7 @@ def test_the_policy_is_what_the_nodes_use():
 def test_a_name_too_many_and_one_too_few_are_found(monkeypatch):
     class Graph:
         def get_node_names(self):
-            return list(POLICY)
+            return list(NODES)
 
         def get_publisher_names_and_types_by_node(self, name, space):
             return [("/secret", [])] if name == "pam_model" else []

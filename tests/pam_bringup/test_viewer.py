@@ -14,7 +14,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pam_bringup.security.policy import POLICY, rights_of
+from pam_bringup.security.policy import NODES, rights_of
 from pam_bringup.viewer import rerun_sink
 from pam_bringup.viewer.arm_drawing import arm_strokes, eye_of, pressure_colour
 from pam_bringup.viewer.robot_view import GAP_WINDOW, TOPICS, RobotView
@@ -53,7 +53,7 @@ def states(names, position=(), effort=()):
 
 def test_every_shown_topic_is_one_that_a_node_publishes_or_hears(rig):
     kinds = ("publish", "subscribe")
-    known = {name for node in POLICY for kind in kinds for name in rights_of(node, rig)[kind]}
+    known = {name for node in NODES for kind in kinds for name in rights_of(node, rig)[kind]}
     for topic in TOPICS:
         assert topic in known or f"/{topic}" in known, topic
 

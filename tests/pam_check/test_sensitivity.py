@@ -23,6 +23,7 @@ from pam_gap.inference.evidence import Evidence
 from pam_gap.inference.score import Score
 from pam_gap.rules import DEFAULT, table
 from pam_gap.rules.rule import DECISION
+from pam_gap.rules.statement import STATEMENT
 from pam_model.errors import PamError
 
 SENSITIVITY = "pam_check.blind.sensitivity"
@@ -46,17 +47,16 @@ def kept(nominal: float, best: float) -> Evidence[Score]:
         tried=(creep, score(("leakage",), nominal)),
         singles=("creep", "leakage"),
         stages=(),
-        growth=(),
         settled={0: creep},
     )
 
 
 CASES = {
-    # RMS error of 1.23 floors: a level of 0.41 per channel, named at 0.35 and none at 0.455
+    # hardly more than noise: named, and `none` where a false name costs 30 % more
     "000": ("one", ["creep"], kept(1.23, 1.0)),
     "001": ("one", ["creep"], kept(8.0, 1.1)),
     "002": ("none", [], kept(1.05, 1.0)),
-    "003": ("outside", ["backlash"], kept(8.0, 4.3)),
+    "003": ("outside", ["backlash"], kept(8.0, 5.0)),
 }
 
 
@@ -111,24 +111,21 @@ def test_rules_of_another_version_are_compared_with_the_stored_verdicts(
     told = capsys.readouterr().out
     assert "001: creep hidden; unknown -> named creep" in told
     assert "1 answers change" in told
-    before, both = [line for line in told.splitlines() if line.startswith("truth_in_set ")]
-    assert before.split() == ["truth_in_set", "1", "->", "2", "of", "2"]
-    # by the rules and by belief, each with its interval, and of how many
-    assert re.fullmatch(r"truth_in_set +2 \(22% to 100%\) +2 \(22% to 100%\) +2", both)
-    assert "surprise of the rules" in told
-    assert "surprise of the belief" in told
+    (both,) = [line for line in told.splitlines() if line.startswith("truth_in_set ")]
+    # before and after, each with its interval, and of how many
+    assert re.fullmatch(r"truth_in_set +1 \(3% to 97%\) +2 \(22% to 100%\) +2", both)
+    assert "surprise after" in told
 
 
 def test_a_change_is_counted_as_the_blind_check_counts(campaign: Path) -> None:
-    rows = sensitivity(
-        Campaign.read(campaign), only=["decision.no_gap", "decision.closed_at_least"]
+    rows = sensitivity(Campaign.read(campaign), only=["statement.false_name", "statement.hidden"])
+    down, up, *others = rows
+    in_use = (STATEMENT.false_name, STATEMENT.hidden)
+    assert [row.value for row in rows] == pytest.approx(
+        [factor * value for value in in_use for factor in (0.7, 1.3)]
     )
-    down, up, looser, stricter = rows
-    assert [row.value for row in rows] == pytest.approx([0.245, 0.455, 0.42, 0.78])
-    assert down.moved == stricter.moved == 0
+    assert [row.moved for row in (down, *others)] == [0, 0, 0]
     assert (up.moved, up.before["top1"], up.counts["top1"]) == (1, (2, 2), (1, 2))
-    # more than 0.42 of the gap outside the table is closed, less than 0.6: it gets a name
-    assert (looser.before["unknown_recall"], looser.counts["unknown_recall"]) == ((1, 1), (0, 1))
     assert "1/2 (was 2/2)" in to_markdown(rows)
 
 
@@ -142,14 +139,15 @@ def test_every_constant_has_its_rows_and_the_table_says_how(campaign: Path) -> N
     assert {row["how"] for row in rows} == {"decided again", "not run", "changes no verdict"}
     page = (campaign / "sensitivity.md").read_text()
     assert "Not run: " in page
-    assert "| `decision.no_gap` | 0.35 | 0.455 | decided again | 4 | 1 |" in page
+    assert "| `statement.false_name` | 1 | 1.3 | decided again | 4 | 1 |" in page
     assert "no verdict or count moved: " in page
 
 
 def test_a_larger_change_is_an_option(campaign: Path) -> None:
-    assert main(["sensitivity", str(campaign), "--percent", "10", "--only", "decision.no_gap"]) == 0
+    only = ["--only", "statement.false_name"]
+    assert main(["sensitivity", str(campaign), "--percent", "10", *only]) == 0
     rows = json.loads((campaign / "sensitivity.json").read_text())
-    assert [row["changed_to"] for row in rows] == pytest.approx([0.315, 0.385])
+    assert [row["changed_to"] for row in rows] == pytest.approx([0.9, 1.1])
     assert [row["verdicts_moved"] for row in rows] == [0, 0]
 
 

@@ -10,12 +10,13 @@ from pathlib import Path
 
 import pytest
 
+from pam_check.doc_pages.parameter_tables import controller_parameters_table
 from pam_control.controller import Controller
 from pam_control.controller_parameters import create_controller, law_from, parameter_table
 from pam_control.laws import registry
 from pam_control.laws.registry import laws
 from pam_control.node_parameters import declared_parameters
-from pam_control.parameter_page import PAGE, table, with_table, write_pages, yaml_text
+from pam_control.parameter_file import yaml_text
 from pam_control.references.trajectory import TrajectoryPoint
 from pam_control.settings import ControlSettings
 from pam_model.errors import PamError
@@ -98,7 +99,7 @@ def test_a_law_of_another_package_brings_its_parameter_to_every_place(other_pack
     assert set(entries) - before == {"soft.share"}
     assert entries["soft.share"].description == "share of the commanded stiffness (law soft)"
     assert entries["law"].description.endswith("gravity_compensation or soft")
-    assert "| `soft.share` | `0.5` | -; 0.1, 1 |" in table()
+    assert "| `soft.share` | `0.5` | -; 0.1, 1 |" in controller_parameters_table()
     assert "    soft:\n      # share of the commanded stiffness (law soft)\n      share: 0.5" in (
         yaml_text()
     )
@@ -168,17 +169,6 @@ def test_a_law_that_cannot_be_used_is_named(other_package, entry, said):
     laws.cache_clear()
     with pytest.raises(PamError, match=said):
         laws()
-
-
-def test_parameter_file_and_page_are_up_to_date(tmp_path):
-    page = (ROOT / PAGE).read_text(encoding="utf-8")
-    assert with_table(page) == page, "run `./pam control parameters --write .`"
-    file = ROOT / "config" / "controller.yaml"
-    assert file.read_text(encoding="utf-8") == yaml_text(), "run the same"
-    with pytest.raises(PamError, match="no such file"):
-        write_pages(tmp_path)
-    with pytest.raises(PamError, match="contains no table of parameters"):
-        with_table("# A page\n")
 
 
 def test_each_field_of_settings_and_laws_is_a_parameter():

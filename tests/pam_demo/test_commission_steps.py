@@ -34,8 +34,8 @@ from pam_gap.calibration.calibration import DETERMINED, KEPT, CalibratedNumber
 from pam_gap.calibration.calibration_rules import CalibrationRules
 from pam_gap.calibration.free_numbers import Said
 from pam_model.rig import Rig, load_rig
-from pam_model.rig.keys import NUMBERS
 from pam_model.rig.partial import PartialRig, load_partial_rig
+from pam_model.rig.types import NUMBERS
 from support.commission_ports import EXCHANGES, PERIOD, WiredPort
 
 ROOT = Path(__file__).parents[2]

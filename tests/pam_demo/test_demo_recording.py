@@ -6,7 +6,7 @@ import numpy as np
 from rosbags.rosbag2 import Writer
 from rosbags.typesys import Stores, get_typestore
 
-from pam_demo.recording import read_recording
+from pam_demo.recording import read_series
 
 
 def test_a_joint_that_joint_states_leaves_out_for_a_while_is_missing_then(tmp_path):
@@ -21,6 +21,8 @@ def test_a_joint_that_joint_states_leaves_out_for_a_while_is_missing_then(tmp_pa
             message = kind(header(stamp(number, 0), ""), names, values, none, none)
             data = store.serialize_cdr(message, kind.__msgtype__)
             writer.write(connection, number * 10**9, data)
-    series = read_recording(tmp_path / "bag", {"/joint_states": "position"})["/joint_states"]
-    assert series.times.tolist() == [1.0, 2.0, 4.0]
-    np.testing.assert_array_equal(series.values, [[1.0, 2.0], [np.nan, 3.0], [4.0, 5.0]])
+    columns = [f"/joint_states.position.{name}" for name in ("a", "b")]
+    a, b = read_series(tmp_path / "bag", columns).values()
+    assert (a.times.tolist(), a.values.tolist()) == ([1.0, 4.0], [1.0, 4.0])
+    assert (b.times.tolist(), b.values.tolist()) == ([1.0, 2.0, 4.0], [2.0, 3.0, 5.0])
+    assert a.during(3.0, 2.0).times.tolist() == [1.0]

@@ -7,7 +7,6 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
 import pytest
 from lifecycle_msgs.msg import State
 from lifecycle_msgs.srv import GetState
@@ -18,7 +17,6 @@ from pam_demo.demo import SIMULATING, chosen_joint, perform
 from pam_demo.motions import arm_motion
 from pam_demo.player import NotPlayedError
 from pam_demo.player_node import PlayerNode
-from pam_demo.recording import TopicSeries
 from pam_model.errors import PamError
 from pam_model.rig import load_rig
 from pam_sim import rig_node
@@ -106,12 +104,6 @@ def test_a_joint_that_the_rig_lacks_is_refused_by_name() -> None:
     assert chosen_joint(rig, "elbow") == "elbow"
     with pytest.raises(PamError, match="--joint: unknown joint 'wrist'; known: shoulder"):
         chosen_joint(rig, "wrist")
-
-
-def test_figures_are_those_of_the_joint_that_moved() -> None:
-    series = TopicSeries(np.arange(2.0), np.array([[1.0, 2.0], [3.0, 4.0]]), ("shoulder", "elbow"))
-    assert series.only(("elbow", "elbow_flexor", "1")).values.tolist() == [[2.0], [4.0]]
-    assert series.only(("wrist",)).names == ()
 
 
 class FaultyDriver:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import deque
-from pathlib import Path
 
 import pytest
 
@@ -15,7 +14,6 @@ from pam_driver.safety.states import (
     SafetyEvent,
     SafetyState,
     next_state,
-    table_as_markdown,
 )
 
 AIR = {state for state, output in OUTPUTS.items() if output.enable}
@@ -140,8 +138,3 @@ def test_lowering_ends_vented_and_never_lets_air_in_again(state: SafetyState) ->
 
 def test_a_blocked_exhaust_is_latched() -> None:
     assert next_state(SafetyState.VENTING, SafetyEvent.EXHAUST_BLOCKED) is SafetyState.FAULT
-
-
-def test_the_documentation_shows_this_table() -> None:
-    page = (Path(__file__).parents[2] / "docs/driver.md").read_text()
-    assert table_as_markdown() in page

@@ -7,6 +7,7 @@ on rigs with other physics is shown by `pam check blind`.
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -17,10 +18,8 @@ from pam_gap.__main__ import main
 from pam_gap.diagnosis_engine import DiagnosisOptions, JointDiagnosis
 from pam_gap.inference.candidates import candidates_for
 from pam_gap.inference.decide import decide, decided_answer
-from pam_gap.inference.decision import Decision
 from pam_gap.inference.held_out import score_held_out
 from pam_gap.inference.hypothesis import FitTask
-from pam_gap.inference.named_effects import merged_groups
 from pam_gap.prediction.fit import mean_squares
 from pam_gap.prediction.gap_figures import noise_level
 from pam_gap.prediction.locate import locate
@@ -240,7 +239,7 @@ def test_without_an_experiment_none_is_sought(
 ) -> None:
     sought: list[object] = []
     monkeypatch.setattr("pam_gap.diagnosis_engine.propose", lambda *given: sought.append(given))
-    recording, unknown = record(duration=9.0), Decision("unknown", None, (), ())
+    recording, unknown = record(duration=9.0), SimpleNamespace(verdict="unknown", tried=())
     for wanted in (True, False):
         engine = JointDiagnosis(rig, 0, [recording], DiagnosisOptions(with_experiment=wanted))
         assert engine.proposal(unknown, ()) is None
@@ -266,7 +265,3 @@ def test_computed_pulls_are_no_load_cells(rig: Rig, record: Maker) -> None:
     cleaned = without_computed(replace(measured, values=values), rig)
     assert not any(name.startswith("muscle_states") for name in cleaned.values)
     assert "computed" in cleaned.repairs[-1]
-
-
-def test_groups_that_share_a_member_are_one() -> None:
-    assert merged_groups([("a", "b"), ("c", "d"), ("b", "e")]) == (("a", "b", "e"), ("c", "d"))

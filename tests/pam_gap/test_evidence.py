@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import contextlib
 from dataclasses import FrozenInstanceError, replace
 from pathlib import Path
 from typing import Any
@@ -11,10 +12,10 @@ import numpy as np
 import pytest
 
 import pam_gap
-from pam_gap.inference.decide import decide, decided_answer
+from pam_gap.__main__ import main
+from pam_gap.inference.decide import close_calls, decide, decided_answer
 from pam_gap.inference.evidence import Evidence, load_evidence
 from pam_gap.inference.score import Score
-from pam_gap.inference.search_growth import GrowthStep
 from pam_gap.prediction.locate import StageGap
 from pam_gap.rules import DEFAULT, Rules, changed
 from pam_model.errors import PamError
@@ -50,7 +51,6 @@ def evidence(**changes: object) -> Evidence[Score]:
         settled={0: score(("creep",), 1.1)},
         singles=("creep", "hysteresis", "leakage"),
         stages=(StageGap("valve", "commands", 1.1), StageGap("muscle", "pressures", 4.0)),
-        growth=((GrowthStep(1, 3, True, 10.0, 0.9), False),),
     )
     return replace(kept, **changes)
 
@@ -76,19 +76,47 @@ def test_evidence_read_back_gives_the_same_decision(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("path", "value", "verdict", "effects"),
     [
-        ("decision.no_gap", 5.0, "none", []),
-        ("decision.closed_at_least", 0.999, "unknown", []),
-        ("decision.rival_gap", 9.0, "ambiguous", ["creep", "hysteresis", "leakage"]),
+        ("decision.material_share", 0.5, "none", []),
+        ("statement.outside", 1e30, "unknown", []),
         ("decision.motion_spread", 0.9, "named", ["creep"]),
     ],
 )
 def test_another_constant_gives_another_verdict(
     path: str, value: float, verdict: str, effects: list[str]
 ) -> None:
-    rules = changed(path, value, changed("decision.rival_part", 0.01))
-    found = answer(evidence(), rules)
+    found = answer(evidence(motion=np.full(CHANNELS, 20.0**2)), changed(path, value))
     assert found["verdict"] == verdict
     assert found["effects"] == effects
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ("silence=-1", "statement.silence=-1: expected a number above 0"),
+        ("outside=nan", "statement.outside=nan: expected a number above 0"),
+        ("law_error=0.1", "unknown belief 'law_error'"),
+        ("out_side=0.1", "did you mean outside"),
+        ("outside", "expected NAME=NUMBER"),
+    ],
+)
+def test_beliefs_that_make_no_sense_are_refused(
+    given: str, told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("log.csv", "rig.yaml"):
+        (tmp_path / name).touch()
+    files = [str(tmp_path / "log.csv"), "--rig", str(tmp_path / "rig.yaml")]
+    arguments = ["diagnose", *files, "--out", str(tmp_path / "out"), "--belief", given]
+    with contextlib.suppress(SystemExit):  # of a mistake in the form
+        assert main(arguments) == 2
+    assert told in capsys.readouterr().err
+
+
+def test_a_cost_that_is_set_reaches_the_decision() -> None:
+    weak = evidence(nominal=score((), 1.5), tried=(score(("creep",), 1.1),), settled={})
+    assert answer(weak)["verdict"] == "named"
+    dear = changed("statement.false_name", 30.0)
+    assert answer(weak, dear)["verdict"] == "none"
+    assert answer(weak, dear)["probabilities"] == answer(weak)["probabilities"]
 
 
 def test_a_wider_spread_widens_the_interval_alone() -> None:
@@ -99,29 +127,24 @@ def test_a_wider_spread_widens_the_interval_alone() -> None:
 
 
 def test_the_stage_of_unknown_needs_a_gap() -> None:
-    unknown = changed("decision.closed_at_least", 0.999)
+    unknown = changed("statement.outside", 1e30)
     assert answer(evidence(), unknown)["stage"] == "muscle"
     deaf = changed("prediction.stage_from", 5.0, unknown)
     assert answer(evidence(), deaf)["stage"] is None
 
 
 def test_a_fit_that_was_never_made_is_told() -> None:
-    """The rival was not fitted to its end, since with the constants in use it was none."""
-    near = changed("decision.rival_gap", 9.0, changed("decision.rival_part", 0.01))
-    assert not decide(evidence(), near).is_exact
+    """The pair was not fitted to its end, since it was improbable with the constants in use."""
+    assert not decide(evidence(), changed("search.completed_from", 1e-6)).is_exact
     assert not decide(evidence(settled={}), DEFAULT).is_exact
 
 
-def test_a_search_that_would_have_gone_on_is_told() -> None:
-    """What is left is sought to be explained where it is itself a gap that matters."""
-    kept = evidence(growth=((GrowthStep(1, 3, True, 10.0, 1.2), True),))
-    assert decide(kept, DEFAULT).is_exact
-    assert not decide(kept, changed("decision.no_gap", 0.5)).is_exact
-    harmless = evidence(growth=((GrowthStep(1, 3, False, 10.0, 5.0), False),))
-    assert decide(harmless, DEFAULT).is_exact
-    further = (GrowthStep(2, 3, True, 10.0, 5.0, previous=7.0, runner_up=6.9), True)
-    assert decide(evidence(growth=(further,)), DEFAULT).is_exact
-    assert not decide(evidence(growth=(further,)), changed("decision.further_gain", 2.5)).is_exact
+def test_only_what_is_probable_is_completed() -> None:
+    assert close_calls(evidence(), DEFAULT) == (0,)
+    alike = evidence(tried=(score(("creep",), 1.2), score(("hysteresis",), 1.2)), settled={})
+    assert close_calls(alike, DEFAULT) == (0, 1)
+    nothing = evidence(nominal=score((), 1.0), written=score((), 1.0))
+    assert close_calls(nothing, DEFAULT) == ()
 
 
 def test_a_cause_outside_the_table_that_leaves_less_makes_the_verdict_unknown(
@@ -139,17 +162,17 @@ def test_a_cause_outside_the_table_that_leaves_less_makes_the_verdict_unknown(
 
 
 def test_the_decision_is_made_in_one_place() -> None:
-    """Engine, answer and kept evidence each put names, probabilities and the verdict together."""
-    parts = {"agreed", "probabilities", "named_effects", "verdict_of"}
+    """Lengths that are wrong are the only other explanation that is weighed."""
+    parts = {"posterior", "least_cost"}
     package = Path(pam_gap.__file__).parent
     users = {
         path.relative_to(package).as_posix()
         for path in package.rglob("*.py")
         for node in ast.walk(ast.parse(path.read_text()))
-        if isinstance(node, ast.ImportFrom)
+        if isinstance(node, ast.ImportFrom) and node.module == "pam_gap.inference.posterior"
         if parts & {name.name for name in node.names}
     }
-    assert users == {"inference/decide.py", "inference/decision.py"}
+    assert users == {"inference/decide.py", "inference/loose_lengths.py"}
 
 
 def test_what_goes_in_and_what_comes_out_is_frozen() -> None:

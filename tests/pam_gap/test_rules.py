@@ -9,8 +9,6 @@ import numpy as np
 import pytest
 
 import pam_gap
-from pam_check.__main__ import main
-from pam_check.doc_pages.constants_page import PAGE
 from pam_gap.inference.candidates import transport_time
 from pam_gap.prediction.problem import PredictionProblem
 from pam_gap.recordings.noise_floor import channel_noise
@@ -40,7 +38,10 @@ NO_RULES = {
     "HIGH": "90 % interval",
     "NORMAL_90": "90 % interval",
     "PROFILE_90": "90 % interval",
-    "HARMONICS": "regressors of a figure that enters no verdict",
+    "HARMONICS": "regressors of a law of any form",
+    "MEMORY": "regressors of a law of any form",
+    "SMOOTHING": "regressors of a law of any form",
+    "PARTS": "accuracy of a cross-validation",
     "N_CHANNELS": "layout",
     "N_GAINS": "layout",
     "SPEED": "layout",
@@ -71,6 +72,11 @@ NO_RULES = {
     "WORTH": "work for which a kernel is compiled, which changes no result",
     "SWITCH_INTERVAL": "time, which changes no result",
     "K_LAG_SHARES": "layout",
+    "UNKNOWN_SIZES": "accuracy of a sum",
+    "LEAST_KEPT": "accuracy of a sum",
+    "MOST_WITH_HIDDEN": "work for an answer: a third hidden cause changes nothing that is said",
+    "CONSIDERED": "work for an answer: less probable sets of causes cannot be in it",
+    "MOST_ALTERNATIVES": "of an answer that people read",
 }
 
 
@@ -133,8 +139,8 @@ def test_whole_numbers_stay_whole_and_change() -> None:
 
 
 def test_an_unknown_constant_is_named() -> None:
-    with pytest.raises(PamError, match=r"decision\.nonsense.*decision\.no_gap"):
-        changed("decision.nonsense", 1.0)
+    with pytest.raises(PamError, match=r"decision\.material.*mean decision\.material_share"):
+        changed("decision.material", 1.0)
 
 
 def test_changed_constants_reach_the_code(rig: Rig, record: Maker) -> None:
@@ -155,12 +161,3 @@ def test_changed_constants_reach_the_code(rig: Rig, record: Maker) -> None:
     assert (quiet, strict) == (True, False)
     wide = changed("search.tolerance_size", 0.6).search
     assert transport_time(0.01, 0.0, wide).free.size == 2.0 * transport_time(0.01, 0.0).free.size
-
-
-def test_the_page_of_constants_is_current(tmp_path: Path) -> None:
-    """Write it again with `pam check rules`."""
-    assert main(["rules", "--out", str(tmp_path)]) == 0
-    written = (tmp_path / PAGE).read_text()
-    assert written == (Path(__file__).parents[2] / "docs" / PAGE).read_text()
-    for entry in table():
-        assert f"| `{entry.path}` | {entry.value:g} |" in written

@@ -7,6 +7,7 @@ from dataclasses import replace
 import pytest
 
 from pam_gap.answer.diagnosis import ChannelGap, Diagnosis, ScoredCandidate
+from pam_gap.answer.headline import headline
 from pam_gap.answer.sentences import verdict_sentence
 from pam_gap.inference.confidence import Interval
 from pam_gap.prediction.materiality import GapSize
@@ -86,9 +87,24 @@ def test_a_cause_outside_every_set_is_named_beside_them() -> None:
     )
 
 
+def test_a_cause_that_may_be_a_further_one_is_told_as_such() -> None:
+    ambiguous = replace(
+        FOUND,
+        verdict="ambiguous",
+        effects=("hysteresis", "payload"),
+        indistinguishable=(("payload",),),
+        probabilities={"hysteresis": 0.5, "hysteresis + payload": 0.5},
+    )
+    assert verdict_sentence(ambiguous).startswith(
+        "The cause is hysteresis (muscle stage, over 99 %). What this recording does not show is "
+        "whether there is a further one: payload (joint stage, 50 %)."
+    )
+    assert headline(ambiguous) == "Hysteresis, perhaps with payload"
+
+
 def test_an_unknown_cause_says_what_the_best_known_effect_leaves() -> None:
     best = ScoredCandidate(
-        ("dead_volume", "leakage"), 0.9, CLOSED, level=4.0, over_floor=(2.0, 7.3, 1.1)
+        ("dead_volume", "leakage"), CLOSED, level=4.0, over_floor=(2.0, 7.3, 1.1)
     )
     unknown = replace(FOUND, verdict="unknown", effects=(), closed=None, ranking=(best,))
     assert verdict_sentence(unknown) == (
@@ -99,7 +115,7 @@ def test_an_unknown_cause_says_what_the_best_known_effect_leaves() -> None:
 
 
 def test_a_cause_outside_the_table_is_told_with_the_unknown() -> None:
-    best = ScoredCandidate(("position_offset",), 0.9, CLOSED, level=4.0, over_floor=(2.0,))
+    best = ScoredCandidate(("position_offset",), CLOSED, level=4.0, over_floor=(2.0,))
     name = "an eccentricity of the encoder"
     unknown = replace(
         FOUND, verdict="unknown", effects=(), closed=None, ranking=(best,), looks_like=name

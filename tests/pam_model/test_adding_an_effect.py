@@ -103,9 +103,9 @@ EFFECT = Effect(
 REPORT = """
 import json, sys
 import numpy as np
-from pam_check.doc_pages.effects_page import page_text
+from pam_check.doc_pages.effect_tables import control_table, keys_table
+from pam_check.doc_pages.effects_page import effects_page
 from pam_gap.inference.candidates import candidates_for
-from pam_model.effect_tables import table
 from pam_model.plant.parameters import NAMES, PlantParameters
 from pam_model.plant.simulate import initial_state, simulate
 from pam_model.rig import load_rig, rig_from_parameters
@@ -120,12 +120,12 @@ still = simulate(
     parameters, np.zeros((26, 2)), 0.02, start, 2e-3, positions=np.zeros(26), shut=True
 )
 free = simulate(parameters, np.zeros((26, 2)), 1e-4, start, 1e-4)
-kinds = ("muscle", "joint", "control", "plausibility")
 print(json.dumps({
     "names": [name for name in NAMES if effect in name],
     "candidates": [c.label for c in candidates_for(rig, rig.joints[0])],
-    "page": page_text(),
-    "tables": {kind: table(kind) for kind in kinds},
+    "page": effects_page(),
+    "tables": {scope: keys_table(scope) for scope in ("muscle", "joint")},
+    "control": control_table(),
     "pressures": still.pressures.tolist(),
     "acceleration": float((free.velocity[1] - free.velocity[0]) / 1e-4),
 }))
@@ -165,7 +165,7 @@ def test_a_new_leak_is_one_file(tmp_path: Path) -> None:
     assert "### `laminar_leak`" in found["page"]
     assert "sinks exponentially" in found["page"]
     assert "| `laminar_leak` | valve |" in found["tables"]["muscle"]
-    assert "| `laminar_leak` | nothing, because" in found["tables"]["control"]
+    assert "| `laminar_leak` | nothing, because" in found["control"]
     assert "`laminar_leak`" not in found["tables"]["joint"]
 
     rig = load_rig(RIG)

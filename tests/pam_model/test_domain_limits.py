@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from pam_model.catalogue.gallery import default_model
+from pam_model.catalogue.default_model import default_model
 from pam_model.domain import require
 from pam_model.errors import DomainError
 from pam_model.identify.fit import fit

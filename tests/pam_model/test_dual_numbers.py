@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from pam_model.catalogue.gallery import default_model
+from pam_model.catalogue.default_model import default_model
 from pam_model.dual_numbers import Dual, root_with_slopes, value_of
 from pam_model.identify.fit_problem import FitProblem
 from pam_model.identify.measurements import Measurements

@@ -12,8 +12,8 @@ import yaml
 
 from pam_model.errors import RigError
 from pam_model.rig import load_rig, save_rig
-from pam_model.rig.keys import NUMBERS
 from pam_model.rig.partial import load_partial_rig
+from pam_model.rig.types import NUMBERS
 
 ELBOW = Path(__file__).parents[2] / "config" / "elbow.yaml"
 

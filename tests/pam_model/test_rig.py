@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from pam_model.effects import EFFECTS, effect_value
 from pam_model.errors import RigError
 from pam_model.rig import Encoder, Rig, Valve, load_rig, rig_from_parameters, rig_of_node, save_rig
-from pam_model.rig.keys import NUMBERS
+from pam_model.rig.types import NUMBERS
 
 ROOT = Path(__file__).parents[2]
 CONFIG = ROOT / "config"

@@ -265,7 +265,9 @@ def test_an_empty_rig_file_is_named(tool, command, tmp_path, capfd, monkeypatch)
         ("pam_model", ["show", "gaylord", "--output", "picture.nonsense"], "nonsense"),
         ("pam_sim", ["rig", "--rig", str(ELBOW), "--dbc", "empty.csv"], "empty.csv"),
         ("pam_sim", ["rig", "--rig", str(ELBOW), "--effect", "x=1"], "effect"),
-        ("pam_check", ["fault-tables", "empty.csv"], "empty.csv"),
+        ("pam_check", ["fault-tables", "empty.csv"], "pam check pages"),
+        ("pam_check", ["pages", "folder"], "folder"),
+        ("pam_model", ["gallery"], "pam check pages"),
         ("pam_driver", ["check-rig", "empty.csv"], "empty.csv"),
         ("pam_driver", ["monitor", "empty.csv"], "empty.csv"),
         ("pam_driver", ["scan", "--channel", "no_such_bus"], "no_such_bus"),
@@ -430,32 +432,3 @@ def test_a_node_refuses_a_wrong_start_in_one_line(node, words, told, tmp_path, c
     (tmp_path / "empty.yaml").write_text("")
     (tmp_path / "text.yaml").write_text("a: [\n")
     assert told in refused(NODES[node], words, capfd)
-
-
-def test_the_help_of_a_node_names_the_topics_that_it_uses():
-    """The policy is compared with running nodes by a test of its own."""
-    from pam_bringup.security.policy import POLICY
-    from pam_control.controller_help import HELP as CONTROLLER
-    from pam_driver.driver_parameters import HELP as DRIVER
-    from pam_driver.driver_parameters import PEOPLE_TOPICS
-
-    for name, text in (
-        ("pam_driver", DRIVER),
-        ("pam_controller", CONTROLLER),
-        ("pam_model", model_node.HELP),
-        ("pam_rig", rig_node.HELP),
-    ):
-        rights = POLICY[name]
-        published = {entry.name.lstrip("/") for entry in text.publishes}
-        policy = {one.replace("{muscle}", "<muscle>") for one in rights.publishes}
-        assert published == {one for one in policy if "transition_event" not in one}
-        asked_for = set(PEOPLE_TOPICS.values())  # by the rig file's section `people`
-        subscribed = {entry.name for entry in text.subscribes} - asked_for
-        assert subscribed == set(rights.subscribes)
-        served = {entry.name for entry in text.serves}
-        assert set(rights.actions) <= served
-        served -= set(rights.actions)
-        assert served <= set(rights.serves)
-        assert {one for one in rights.serves if "state" not in one and "transition" not in one} == (
-            served
-        )

@@ -13,11 +13,12 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize
 
-from pam_check.blind.posterior import posterior
 from pam_check.blind.score import surprise
 from pam_check.blind.sensitivity import Campaign
-from pam_check.blind.statement import CALIBRATED, STATEMENT, Statement
+from pam_gap.inference.posterior import posterior
 from pam_gap.prediction.fit import Array
+from pam_gap.rules import DEFAULT
+from pam_gap.rules.statement import CALIBRATED, STATEMENT, Statement
 from pam_model.command_line import Arguments, Outcome
 from pam_model.errors import PamError
 
@@ -32,8 +33,9 @@ def believed(campaigns: Sequence[Campaign], statement: Statement) -> float:
         for k, campaign in enumerate(campaigns)
         for label in campaign.labels
     ]
+    rules = replace(DEFAULT, statement=statement)
     answers = {
-        f"{k}/{case}": {"probabilities": posterior(evidence, statement)}
+        f"{k}/{case}": {"probabilities": posterior(evidence, rules)}
         for k, campaign in enumerate(campaigns)
         for case, evidence in campaign.evidence.items()
     }

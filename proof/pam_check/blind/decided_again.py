@@ -1,23 +1,21 @@
-"""Decides a finished campaign again from the evidence it kept: with the rules, and by belief.
+"""Decides a finished campaign again from the evidence it kept, beside the verdicts it stored.
 
-So it is seen which answers a new rule changes, without any new diagnosis. The rigs are not fresh
-ones for a rule that was made after them. Next to the rules stand the answers of the statement of
-belief (`pam_check.blind.statement`), which does not decide in the product.
+So it is seen which answers another statement of belief or other constants change, without any new
+diagnosis. The rigs are not fresh ones for what was made after them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
-from pam_check.blind.posterior import believed_answer
 from pam_check.blind.score import score, surprise
-from pam_check.blind.sensitivity import Answers, Campaign, same
-from pam_check.blind.statement import STATEMENT
+from pam_check.blind.sensitivity import Campaign, same
 from pam_gap.rules import DEFAULT
 from pam_model.command_line import Arguments, Outcome
 
 NEED_FITS = ("closed_interval_covers", "outside_unknown_or_leftover")
+"""Figures that need further fits: what an improved rig file closes, and what an answer leaves."""
 
 
 def _told(answer: Mapping[str, Any]) -> str:
@@ -33,8 +31,6 @@ def decided_again(campaign: Campaign) -> dict[str, Any]:
         A finished campaign with the evidence of every case.
     """
     answers, inexact = campaign.decided(DEFAULT)
-    before = score(campaign.labels, campaign.answers)["shares"]
-    after = score(campaign.labels, answers)["shares"]
     labels = {str(label["case"]): label for label in campaign.labels}
     changed = [
         {
@@ -46,64 +42,34 @@ def decided_again(campaign: Campaign) -> dict[str, Any]:
         for case, answer in answers.items()
         if not same(answer, campaign.answers[case])
     ]
-    counted = {
-        name: {"before": before[name]["hits"], "after": entry["hits"], "of": entry["of"]}
-        for name, entry in after.items()
-    }
-    believed = {case: believed_answer(e, STATEMENT) for case, e in campaign.evidence.items()}
+    sides = {"before": campaign.answers, "after": answers}
+    scores = {side: score(campaign.labels, given) for side, given in sides.items()}
     return {
         "changed": changed,
-        "counts": counted,
         "inexact": inexact,
-        "rules_and_belief": side_by_side(campaign.labels, answers, believed),
-    }
-
-
-def side_by_side(
-    labels: Sequence[Mapping[str, Any]], rules: Answers, belief: Answers
-) -> dict[str, Any]:
-    """Figures of the blind check for the answers of the rules and of the statement of belief.
-
-    Left out are the figures that need further fits (what an improved rig file closes, and what an
-    answer leaves).
-
-    Parameters
-    ----------
-    labels : sequence of mapping
-        Hidden effects of each case.
-    rules, belief : mapping
-        Case -> answer.
-    """
-    scores = [score(labels, answers) for answers in (rules, belief)]
-    counts = {
-        name: {"rules": entry["hits"], "belief": scores[1]["shares"][name]["hits"],
-               "of": entry["of"], "interval": entry["interval"],
-               "interval_of_belief": scores[1]["shares"][name]["interval"]}
-        for name, entry in scores[0]["shares"].items()
-        if entry["of"] and name not in NEED_FITS
-    }  # fmt: skip
-    reliability = {
-        key: [
-            {"from": first["from"], "rules": [first["right"]["hits"], first["right"]["of"]],
-             "belief": [second["right"]["hits"], second["right"]["of"]]}
-            for first, second in zip(scores[0][key], scores[1][key], strict=True)
-        ]
-        for key in ("reliability", "reliability_of_causes")
-    }  # fmt: skip
-    differ = [
-        {"case": case, "hidden": list(label["effects"]), "rules": _told(rules[case]),
-         "belief": _told(belief[case])}
-        for label in labels
-        if _told(rules[case := str(label["case"])]) != _told(belief[case])
-    ]  # fmt: skip
-    return {
-        "counts": counts,
-        "differ": differ,
-        "surprise": {
-            name: surprise(labels, answers)
-            for name, answers in (("rules", rules), ("belief", belief))
+        "counts": {
+            name: {
+                "of": entry["of"],
+                **{
+                    side: {key: found["shares"][name][key] for key in ("hits", "interval")}
+                    for side, found in scores.items()
+                },
+            }
+            for name, entry in scores["after"]["shares"].items()
+            if entry["of"] and name not in NEED_FITS
         },
-        **reliability,
+        "surprise": {side: surprise(campaign.labels, given) for side, given in sides.items()},
+        **{
+            key: [
+                {"from": row["from"]}
+                | {
+                    side: [found[key][place]["right"][count] for count in ("hits", "of")]
+                    for side, found in scores.items()
+                }
+                for place, row in enumerate(scores["after"][key])
+            ]
+            for key in ("reliability", "reliability_of_causes")
+        },
     }
 
 
@@ -119,28 +85,20 @@ def run(given: Arguments) -> Outcome:
     for entry in result["changed"]:
         hidden = " + ".join(entry["hidden"]) or "nothing"
         print(f"{entry['case']}: {hidden} hidden; {entry['before']} -> {entry['after']}")
+    print(f"{len(result['changed'])} answers change; {result['inexact']} would need further fits")
+    print(f"{'':28s} {'before, 90 % interval':>24s} {'after, 90 % interval':>24s}   of")
     for name, entry in result["counts"].items():
-        if entry["before"] != entry["after"]:
-            print(f"{name:28s} {entry['before']} -> {entry['after']} of {entry['of']}")
-    print(f"{len(result['changed'])} answers change")
-    both = result["rules_and_belief"]
-    for entry in both["differ"]:
-        hidden = " + ".join(entry["hidden"]) or "nothing"
-        print(f"{entry['case']}: {hidden} hidden; rules {entry['rules']}; belief {entry['belief']}")
-    print(f"{'':28s} {'rules, 90 % interval':>24s} {'belief, 90 % interval':>24s}   of")
-    for name, entry in both["counts"].items():
         cells = [
-            f"{entry[who]} ({low:.0%} to {high:.0%})"
-            for who, (low, high) in (
-                ("rules", entry["interval"]), ("belief", entry["interval_of_belief"])
-            )
-        ]  # fmt: skip
+            f"{entry[side]['hits']} ({low:.0%} to {high:.0%})"
+            for side in ("before", "after")
+            for low, high in [entry[side]["interval"]]
+        ]
         print(f"{name:28s} {cells[0]:>24s} {cells[1]:>24s} {entry['of']:4d}")
     for key in ("reliability", "reliability_of_causes"):
-        for row in both[key]:
-            told = [f"{right}/{of}" for right, of in (row["rules"], row["belief"])]
+        for row in result[key]:
+            told = [f"{right}/{of}" for right, of in (row["before"], row["after"])]
             print(f"{key} from {row['from']:<12.2f} {told[0]:>7s} {told[1]:>7s}")
-    for name, value in both["surprise"].items():
+    for side, value in result["surprise"].items():
         if value is not None:
-            print(f"surprise of the {name} {value:.2f}")
+            print(f"surprise {side} {value:.2f}")
     return Outcome(result)

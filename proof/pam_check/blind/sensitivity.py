@@ -27,6 +27,7 @@ from pam_gap.rules import DEFAULT, RuleEntry, Rules, changed, table
 from pam_gap.rules.rule import DECISION, PROPOSAL
 from pam_model.command_line import Arguments, Outcome, progress
 from pam_model.errors import PamError
+from pam_model.names import unknown
 
 CHANGE = 0.3
 """Default relative change of each constant, downwards and upwards."""
@@ -214,7 +215,7 @@ def sensitivity(
     known = {entry.path: entry for entry in table()}
     for path in only:
         if path not in known:
-            raise PamError(f"no rule {path!r}; the rules are {', '.join(known)}")
+            raise PamError(unknown("constant", path, known))
     entries = [known[path] for path in only] if only else list(known.values())
     rows = []
     for entry in entries:

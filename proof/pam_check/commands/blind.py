@@ -5,8 +5,9 @@ from __future__ import annotations
 import os
 
 from pam_check.commands.common_arguments import add_seed
-from pam_model.argument_types import count, input_path, number, output_folder
+from pam_model.argument_types import count, input_path, number
 from pam_model.command_line import Arguments, Command, Outcome, Parser
+from pam_model.common_options import add_out
 
 
 def _declare_blind(parser: Parser) -> None:
@@ -23,9 +24,7 @@ def _declare_blind(parser: Parser) -> None:
         metavar="N",
         help="seed of all random draws (default: from the clock)",
     )
-    parser.add_argument(
-        "--out", type=output_folder, default="out/blind", help="folder (default: %(default)s)"
-    )
+    add_out(parser, "out/blind")
     parser.add_argument(
         "--workers",
         type=count(),
@@ -99,7 +98,7 @@ def _declare_sensitivity(parser: Parser) -> None:
         action="append",
         default=[],
         metavar="CONSTANT",
-        help="only this constant, for example decision.no_gap; may be given several times",
+        help="only this constant, for example statement.outside; may be given several times",
     )
     parser.add_argument(
         "--workers",
@@ -137,12 +136,7 @@ def _declare_bench(parser: Parser) -> None:
         help="number of muscles (default: %(default)s)",
     )
     add_seed(parser, 1)
-    parser.add_argument(
-        "--out",
-        type=output_folder,
-        default="out/bench_diagnosis",
-        help="folder (default: %(default)s)",
-    )
+    add_out(parser, "out/bench_diagnosis")
 
 
 def _bench(given: Arguments) -> Outcome:
@@ -184,7 +178,7 @@ COMMANDS = (
     ),
     Command(
         "decide-again",
-        "decide a finished campaign again, with the rules of this version and by belief",
+        "decide a finished campaign again, and show what changes",
         _declare_decide_again,
         _decide_again,
         examples=("pam check decide-again out/blind",),

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from pam_check.commands.common_arguments import add_seed
-from pam_model.argument_types import count, output_folder
+from pam_model.argument_types import count
 from pam_model.command_line import Arguments, Command, Outcome, Parser
+from pam_model.common_options import add_out
 
 
 def _declare(parser: Parser) -> None:
@@ -16,9 +17,7 @@ def _declare(parser: Parser) -> None:
         help="number of rigs (default: %(default)s)",
     )
     add_seed(parser, 1)
-    parser.add_argument(
-        "--out", type=output_folder, default="out/calibration", help="folder (default: %(default)s)"
-    )
+    add_out(parser, "out/calibration")
 
 
 def _run(given: Arguments) -> Outcome:
@@ -43,9 +42,7 @@ def _declare_commission(parser: Parser) -> None:
         help="number of the first one, to share a campaign among processes (default: %(default)s)",
     )
     add_seed(parser, 1)
-    parser.add_argument(
-        "--out", type=output_folder, default="out/commission", help="folder (default: %(default)s)"
-    )
+    add_out(parser, "out/commission")
 
 
 def _run_commission(given: Arguments) -> Outcome:
@@ -63,12 +60,7 @@ def _declare_wiring(parser: Parser) -> None:
         help="number of rigs (default: %(default)s)",
     )
     add_seed(parser, 1)
-    parser.add_argument(
-        "--out",
-        type=output_folder,
-        default="out/commission_wiring",
-        help="folder (default: %(default)s)",
-    )
+    add_out(parser, "out/commission_wiring")
 
 
 def _run_wiring(given: Arguments) -> Outcome:

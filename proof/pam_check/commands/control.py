@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from pam_check.commands.common_arguments import add_seed
-from pam_model.argument_types import count, number, output_file, output_folder
-from pam_model.command_line import Arguments, Command, Outcome, Parser, add_rig
+from pam_model.argument_types import count, number, output_file
+from pam_model.command_line import Arguments, Command, Outcome, Parser
+from pam_model.common_options import add_out, add_rig
 
 
 def _add_tuned_pid(parser: Parser, least: int, zero: str = "") -> None:
@@ -153,9 +154,7 @@ def _declare_rough_rig(parser: Parser) -> None:
         metavar="N",
         help="how often the motion is played to learn it (default: %(default)s)",
     )
-    parser.add_argument(
-        "--out", type=output_folder, default="out/rough_rig", help="folder (default: %(default)s)"
-    )
+    add_out(parser, "out/rough_rig")
 
 
 def _rough_rig(given: Arguments) -> Outcome:
@@ -181,12 +180,7 @@ def _declare_trained_policy(parser: Parser) -> None:
         metavar="N",
         help="of the search for a policy (default: %(default)s)",
     )
-    parser.add_argument(
-        "--out",
-        type=output_folder,
-        default="out/trained_policy",
-        help="folder (default: %(default)s)",
-    )
+    add_out(parser, "out/trained_policy")
 
 
 def _trained_policy(given: Arguments) -> Outcome:

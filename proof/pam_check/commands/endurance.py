@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from pam_check.commands.common_arguments import add_one_process, add_seed
 from pam_model.argument_types import count, number
-from pam_model.command_line import Arguments, Command, Outcome, Parser, add_rig
+from pam_model.command_line import Arguments, Command, Outcome, Parser
+from pam_model.common_options import add_rig
 
 LONGEST_SOAK = 24.0 * 14  # h
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from pam_check.commands.common_arguments import add_jobs, add_kinds, add_one_process, add_seed
-from pam_model.argument_types import count, output_file, output_folder
-from pam_model.command_line import Arguments, Command, Outcome, Parser, add_rig
+from pam_model.argument_types import count, output_file
+from pam_model.command_line import Arguments, Command, Outcome, Parser
+from pam_model.common_options import add_out, add_rig
 
 
 def _declare_faults(parser: Parser) -> None:
@@ -19,9 +20,7 @@ def _declare_faults(parser: Parser) -> None:
     add_one_process(parser)
     add_seed(parser, 1)
     add_jobs(parser)
-    parser.add_argument(
-        "--out", type=output_folder, default="out/faults", help="folder (default: %(default)s)"
-    )
+    add_out(parser, "out/faults")
     parser.add_argument(
         "--page",
         type=output_file,

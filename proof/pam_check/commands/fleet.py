@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from pam_model.argument_types import count, number, output_folder
+from pam_model.argument_types import count, number
 from pam_model.command_line import Arguments, Command, Outcome, Parser
+from pam_model.common_options import add_out
 
 
 def _declare(parser: Parser) -> None:
@@ -31,9 +32,7 @@ def _declare(parser: Parser) -> None:
         metavar="DAYS",
         help="as for `fleet` of the tool gap (default: 0, diagnose all in full)",
     )
-    parser.add_argument(
-        "--out", type=output_folder, default="out/fleet_check", help="folder (default: %(default)s)"
-    )
+    add_out(parser, "out/fleet_check")
 
 
 def _run(given: Arguments) -> Outcome:

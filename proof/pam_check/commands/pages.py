@@ -1,62 +1,43 @@
-"""Commands that write pages of the documentation from the code."""
+"""The command that writes what the documentation shows of the code."""
 
 from __future__ import annotations
 
-from pam_model.argument_types import input_file, output_folder
-from pam_model.command_line import Arguments, Command, Outcome, Parser, add_rig
-from pam_model.errors import PamError
+from pathlib import Path
+
+from pam_model.argument_types import input_file, input_folder
+from pam_model.command_line import Arguments, Command, Outcome, Parser
 
 
-def _declare_effects(parser: Parser) -> None:
-    add_rig(parser)
-    _declare_rules(parser)
-
-
-def _effects(given: Arguments) -> Outcome:
-    from pam_check.doc_pages.effects_page import run  # noqa: PLC0415  (matplotlib, numba)
-
-    return run(given)
-
-
-def _declare_rules(parser: Parser) -> None:
+def _declare_pages(parser: Parser) -> None:
     parser.add_argument(
-        "--out", type=output_folder, default="docs", help="folder (default: %(default)s)"
+        "clone",
+        type=input_folder,
+        nargs="?",
+        default=Path(),
+        metavar="CLONE",
+        help="a clone of this project (default: this folder)",
+    )
+    parser.add_argument("--pictures", action="store_true", help="also draw all models and effects")
+    parser.add_argument(
+        "--comparison",
+        type=input_file,
+        metavar="FILE",
+        help="what `pam model compare --json` printed, for docs/models.md",
     )
 
 
-def _rules(given: Arguments) -> Outcome:
-    from pam_check.doc_pages.constants_page import run  # noqa: PLC0415
+def _pages(given: Arguments) -> Outcome:
+    from pam_check.doc_pages.pages import run  # noqa: PLC0415  (matplotlib, numba)
 
     return run(given)
-
-
-def _declare_fault_tables(parser: Parser) -> None:
-    parser.add_argument(
-        "pages", type=input_file, nargs="+", metavar="PAGE", help="Markdown file with the marks"
-    )
-
-
-def _fault_tables(given: Arguments) -> Outcome:
-    from pam_check.fault_kinds.kinds import write_into  # noqa: PLC0415
-
-    for page in given.pages:
-        try:
-            text = write_into(page.read_text(encoding="utf-8"))
-        except (PamError, UnicodeDecodeError) as error:
-            raise PamError(f"{page}: {error}") from None
-        page.write_text(text, encoding="utf-8")
-        print(f"written: {page}")
-    return Outcome({"written": given.pages})
 
 
 COMMANDS = (
-    Command("effects", "write the page of effects", _declare_effects, _effects),
-    Command("rules", "write the page of constants of the diagnosis", _declare_rules, _rules),
     Command(
-        "fault-tables",
-        "update the tables of states and faults in a page of the documentation",
-        _declare_fault_tables,
-        _fault_tables,
-        examples=("pam check fault-tables docs/safety_tables.md",),
+        "pages",
+        "update tables and pages of the documentation, and config/controller.yaml, from the code",
+        _declare_pages,
+        _pages,
+        examples=("pam check pages --pictures",),
     ),
 )

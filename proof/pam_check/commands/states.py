@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from pam_check.commands.common_arguments import add_one_process
-from pam_model.command_line import Arguments, Command, Outcome, Parser, add_rig
+from pam_model.command_line import Arguments, Command, Outcome, Parser
+from pam_model.common_options import add_rig
 
 
 def _state_walk(given: Arguments) -> Outcome:

@@ -22,7 +22,8 @@ from pam_check.control.drawn_stiffness import drawn
 from pam_check.control.rough_control import RoughControl
 from pam_control.adapted_rig import adapted_rig, learnt_of, save_adapted_rig
 from pam_control.controller import Controller
-from pam_model.command_line import Arguments, Outcome, chosen_rig, progress
+from pam_model.command_line import Arguments, Outcome, progress
+from pam_model.common_options import chosen_rig
 from pam_model.rig import load_rig
 
 MOTION: Final = "arm"

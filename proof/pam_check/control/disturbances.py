@@ -24,7 +24,8 @@ from pam_check.control.running_truth import RunningTruth
 from pam_control.control_step import Measurement
 from pam_control.controller import Controller
 from pam_control.references.trajectory import TrajectoryPoint
-from pam_model.command_line import Arguments, Outcome, chosen_rig
+from pam_model.command_line import Arguments, Outcome
+from pam_model.common_options import chosen_rig
 from pam_model.rig import load_rig
 
 SWINGS_AT: Final = (0.5, 1.0)  # Hz

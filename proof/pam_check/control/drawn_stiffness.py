@@ -20,7 +20,8 @@ from pam_check.blind.truth_plant import TruthJoint
 from pam_check.control.closed_loop import MOTIONS_BEGIN_AT, TOLD, Muscles, play, true_rig
 from pam_check.control.rough_control import RoughControl
 from pam_control.references.sine_burst import sine_burst
-from pam_model.command_line import Arguments, Outcome, chosen_rig, progress
+from pam_model.command_line import Arguments, Outcome, progress
+from pam_model.common_options import chosen_rig
 from pam_model.rig import load_rig
 
 JOINT_FIELDS: Final = ("pulley_radius", "inertia", "viscous_friction", "gravity_torque")

@@ -23,7 +23,8 @@ from pam_control.feedback.gain_design import DesignTask, PidCost
 from pam_control.feedback.linear_joint import response_parts
 from pam_control.feedback.margins import pid_response
 from pam_control.laws.position_stiffness import PositionStiffness
-from pam_model.command_line import Arguments, Outcome, chosen_rig, progress
+from pam_model.command_line import Arguments, Outcome, progress
+from pam_model.common_options import chosen_rig
 from pam_model.rig import Rig, load_rig
 
 DISTURBED_AT: Final = (0.5, 1.0, 2.0)  # Hz

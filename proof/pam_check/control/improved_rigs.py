@@ -23,7 +23,8 @@ from pam_check.control.closed_loop import PERIOD, TOLD, Muscles, RunTrace, play
 from pam_check.control.rough_control import NOTHING, RoughControl, chosen_effects
 from pam_control.controller import Controller
 from pam_gap import Recording, diagnose, import_recording
-from pam_model.command_line import Arguments, Outcome, chosen_rig, progress
+from pam_model.command_line import Arguments, Outcome, progress
+from pam_model.common_options import chosen_rig
 from pam_model.rig import Rig, load_rig
 
 ADAPTING: Final = TOLD.replace(adaptation=True)

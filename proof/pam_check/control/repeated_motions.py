@@ -27,7 +27,8 @@ from pam_check.control.closed_loop import (
 from pam_check.control.rough_control import NOTHING, RoughControl
 from pam_control.controller import Controller
 from pam_control.references.trajectory import TrajectoryPoint
-from pam_model.command_line import Arguments, Outcome, chosen_rig, progress
+from pam_model.command_line import Arguments, Outcome, progress
+from pam_model.common_options import chosen_rig
 from pam_model.errors import PamError
 from pam_model.rig import Rig, load_rig
 

@@ -34,7 +34,8 @@ from pam_control.controller import Controller
 from pam_control.feedback.kept_designs import KeptDesigns, user_cache_folder
 from pam_control.settings import ControlSettings
 from pam_model.argument_types import make_parents
-from pam_model.command_line import Arguments, Outcome, chosen_rig, progress
+from pam_model.command_line import Arguments, Outcome, progress
+from pam_model.common_options import chosen_rig
 from pam_model.errors import PamError
 from pam_model.rig import Rig, load_rig
 

@@ -35,7 +35,8 @@ from pam_control.controller import Controller
 from pam_gap import diagnose
 from pam_gap.answer.diagnosis import Diagnosis
 from pam_model.argument_types import make_parents
-from pam_model.command_line import Arguments, Outcome, chosen_rig, progress
+from pam_model.command_line import Arguments, Outcome, progress
+from pam_model.common_options import chosen_rig
 from pam_model.rig import Rig, load_rig
 
 PICTURE: Final = "rough_rig.png"

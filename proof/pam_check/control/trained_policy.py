@@ -27,7 +27,8 @@ from pam_check.control.rough_rig import RoughRig, rough_truth
 from pam_check.control.running_truth import RunningTruth
 from pam_gap.answer.page_style import PLOT_LOOK
 from pam_model.argument_types import make_parents
-from pam_model.command_line import Arguments, Outcome, chosen_rig, progress
+from pam_model.command_line import Arguments, Outcome, progress
+from pam_model.common_options import chosen_rig
 from pam_model.rig import Rig, load_rig
 from pam_sim.environment import EpisodeTask, PamVectorEnv
 from pam_sim.randomisation import Randomisation

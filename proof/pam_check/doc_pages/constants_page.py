@@ -1,17 +1,17 @@
-"""`pam check rules`: the table of constants as a page of the documentation."""
+"""The table of constants as a page of the documentation."""
 
 from __future__ import annotations
 
+from pam_check.doc_pages.markdown import table
 from pam_gap.rules.rule import DECISION, DIAGNOSIS, PROPOSAL
-from pam_gap.rules.table import table
-from pam_model.command_line import Arguments, Outcome
+from pam_gap.rules.table import table as constants
 
-PAGE = "constants_of_the_diagnosis.md"
 GROUPS = {
+    "statement": "Statement of belief",
     "recording": "Noise of the channels",
     "prediction": "Prediction and fit",
     "search": "Search and held-out scores",
-    "decision": "Decision",
+    "decision": "Background, what matters, and intervals",
     "experiment": "Next experiment",
     "fleet": "Many recordings over time",
 }
@@ -22,8 +22,8 @@ ACTS = {
 }
 _HEAD = """# Constants of the diagnosis
 
-This page lists every hand-set constant that can change an answer of the diagnosis. It is written by
-`./pam check rules` from `pam_gap.rules`, where the code reads the values.
+This page lists every constant that can change an answer of the diagnosis. It is written by
+`./pam check pages` from `pam_gap.rules`, where the code reads the values.
 
 *Acts on* names the first step that a change of the constant affects:
 
@@ -45,28 +45,15 @@ How each constant affects a check on withheld rigs is shown in the
 """
 
 
-def to_markdown() -> str:
+def constants_page() -> str:
     """Return the page as Markdown."""
     parts = [_HEAD]
+    head = ("constant", "value", "unit", "acts on", "decides", "trades", "origin")
     for group, title in GROUPS.items():
-        parts.append(
-            f"\n## {title}\n\n"
-            "| constant | value | unit | acts on | decides | trades | origin |\n"
-            "|---|---|---|---|---|---|---|\n"
-        )
-        parts += [
-            f"| `{e.path}` | {e.value:g} | {e.unit} | {ACTS[e.acts]} | {e.decides} | {e.trades} | "
-            f"{e.origin} |\n"
-            for e in table()
+        rows = [
+            (f"`{e.path}`", f"{e.value:g}", e.unit, ACTS[e.acts], e.decides, e.trades, e.origin)
+            for e in constants()
             if e.group == group
         ]
+        parts.append(f"\n## {title}\n\n{table(head, rows)}\n")
     return "".join(parts)
-
-
-def run(given: Arguments) -> Outcome:
-    """Write the page; the command of `pam_gap.__main__`."""
-    given.out.mkdir(parents=True, exist_ok=True)
-    path = given.out / PAGE
-    path.write_text(to_markdown(), encoding="utf-8")
-    print(f"written: {path}")
-    return Outcome({"page": str(path), "constants": len(table())})

@@ -1,4 +1,4 @@
-"""`pam check effects`: the page of effects, each with its signature drawn from the plant.
+"""The page of effects, each with its signature drawn from the plant.
 
 All pictures show the same rig under the same valve commands. Each picture shows the difference
 between the rig with the effect, of the size in the caption, and the ideal rig. This difference is
@@ -15,12 +15,11 @@ import numpy as np
 import numpy.typing as npt
 from matplotlib import pyplot as plt
 
-from pam_model.command_line import Arguments, Outcome, chosen_rig
 from pam_model.effects import EFFECTS
 from pam_model.errors import PamError
 from pam_model.plant.parameters import PlantParameters
 from pam_model.plant.simulate import initial_state, simulate, simulate_measured
-from pam_model.rig import Rig, load_rig
+from pam_model.rig import Rig
 
 Array = npt.NDArray[np.float64]
 
@@ -107,12 +106,12 @@ def draw_motion(commands: Array, ideal: PlantParameters, path: Path) -> None:
     plt.close(figure)
 
 
-def page_text() -> str:
+def effects_page() -> str:
     """Return the page as Markdown."""
     lines = [
         "# The effects that a diagnosis can name",
         "",
-        "This page is written by `./pam check effects`. All pictures show the rig of "
+        "This page is written by `./pam check pages`. All pictures show the rig of "
         "`config/elbow.yaml` under the same sequence of valve commands. Each picture shows the "
         "change that the effect causes: of the measured angle above, of the two measured pressures "
         "below. The first picture shows the motion without any effect:",
@@ -148,16 +147,11 @@ def page_text() -> str:
     return "\n".join(lines)
 
 
-def run(given: Arguments) -> Outcome:
-    """Write docs/effects.md and its pictures; the command of `pam_gap.__main__`."""
+def draw_effects(rig: Rig, folder: Path) -> None:
+    """Draw the motion of the ideal rig, and the signature of every effect."""
     mpl.use("Agg")
-    images = given.out / "images" / "effects"
-    images.mkdir(parents=True, exist_ok=True)
-    commands, ideal = commands_of_a_motion(load_rig(chosen_rig(given)))
-    draw_motion(commands, ideal, images / "motion.png")
+    folder.mkdir(parents=True, exist_ok=True)
+    commands, ideal = commands_of_a_motion(rig)
+    draw_motion(commands, ideal, folder / "motion.png")
     for name in EFFECTS:
-        draw_signature(name, commands, ideal, images / f"{name}.png")
-    page = given.out / "effects.md"
-    page.write_text(page_text())
-    print(f"written: {page} and {len(EFFECTS)} pictures in {images}")
-    return Outcome({"page": page, "effects": list(EFFECTS)})
+        draw_signature(name, commands, ideal, folder / f"{name}.png")

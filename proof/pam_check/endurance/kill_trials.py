@@ -23,7 +23,8 @@ from pam_driver.safety.refusals import COMMANDABLE
 from pam_driver.safety.states import SafetyState
 from pam_driver.safety.valve_command_intake import NamedCommand
 from pam_driver.snapshot import Snapshot
-from pam_model.command_line import Arguments, Outcome, chosen_rig, progress
+from pam_model.command_line import Arguments, Outcome, progress
+from pam_model.common_options import chosen_rig
 from pam_model.errors import PamError
 from pam_model.rig import Rig, load_rig
 from pam_ros.valve_command import FLOW, ValveCommandFormat

@@ -34,7 +34,8 @@ from pam_check.endurance.unpluggable_bus import INTERFACE, PLUG
 from pam_demo.chain import Chain, multicast_bus, private_domain, set_environment
 from pam_demo.processes import NodeProcess
 from pam_demo.programs import MODULES
-from pam_model.command_line import Arguments, Outcome, chosen_rig
+from pam_model.command_line import Arguments, Outcome
+from pam_model.common_options import chosen_rig
 from pam_model.errors import PamError
 from pam_model.rig import load_rig
 from pam_ros.start import start_ros

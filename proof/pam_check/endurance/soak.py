@@ -24,7 +24,8 @@ from pam_control.controller_parameters import create_controller, parameter_table
 from pam_driver.boards.pam_board.board import PamBoard
 from pam_driver.boards.pam_board.codec import BoardCodec, Heartbeat
 from pam_driver.safety.states import SafetyState
-from pam_model.command_line import Arguments, Outcome, chosen_rig, progress
+from pam_model.command_line import Arguments, Outcome, progress
+from pam_model.common_options import chosen_rig
 from pam_model.errors import PamError
 from pam_model.rig import Encoder, Rig, load_rig
 from pam_sim.boards.protocol import BoardSettings

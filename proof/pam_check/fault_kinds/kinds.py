@@ -1,17 +1,15 @@
 """Every fault that can be injected, as data: description, detection, required reaction, time limit.
 
-The table in docs/safety_tables.md is generated from this file (`pam check fault-tables
-docs/safety_tables.md`), and the fault campaign compares its measurements with the same numbers.
+The table in docs/safety_tables.md is generated from this file (`pam check pages`), and the fault
+campaign compares its measurements with the same numbers.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Final
 
 from pam_check.fault_kinds.bus_and_board_kinds import BUS_AND_BOARD_KINDS
 from pam_check.fault_kinds.device_kinds import DEVICE_KINDS
-from pam_check.fault_kinds.fault_kind import STOPS, FaultKind
 from pam_check.fault_kinds.foreign_kinds import FOREIGN_KINDS
 from pam_check.fault_kinds.host_and_command_kinds import HOST_AND_COMMAND_KINDS
 from pam_check.fault_kinds.operator_kinds import HIDDEN_KINDS, OPERATOR_KINDS, while_held
@@ -20,11 +18,7 @@ from pam_check.fault_kinds.people_kinds import PEOPLE_KINDS
 from pam_check.fault_kinds.reference_kinds import REFERENCE_KINDS
 from pam_check.fault_kinds.sensor_and_valve_kinds import SENSOR_AND_VALVE_KINDS
 from pam_check.fault_kinds.time_kinds import TIME_KINDS
-from pam_driver.safety.states import table_as_markdown as states_as_markdown
-from pam_driver.safety.tables_for_docs import categories_as_markdown, diagram_as_mermaid
-from pam_model.errors import PamError
 
-MARK: Final = "<!-- {} -->"
 # faults that are injected a second time while the joint is held away from its rest position
 HELD: Final = (
     "encoder_lost", "pressure_lost", "board_restart", "supply_lost", "valve_stuck_open",
@@ -45,42 +39,3 @@ ALL_KINDS: Final = (
 )
 KINDS: Final = tuple(kind for kind in ALL_KINDS if not kind.boards)
 """The kinds that are stated for the board of this project."""
-
-
-def bounds_as_markdown(kinds: Sequence[FaultKind] = KINDS) -> str:
-    """The table of faults and bounds as docs/safety_tables.md shows it."""
-    lines = ["| fault | what happens | must follow | within | by |", "|---|---|---|---|---|"]
-    layer = ""
-    for kind in kinds:
-        if kind.layer != layer:
-            layer = kind.layer
-            lines.append(f"| **{layer}** | | | | |")
-        within = f"{1e3 * kind.bound:.0f} ms" if kind.reaction in STOPS else ""
-        cells = (f"`{kind.name}`", kind.text, kind.reaction.value, within, kind.reason)
-        lines.append("| " + " | ".join(cells) + " |")
-    return "\n".join(lines)
-
-
-def write_into(page: str) -> str:
-    """The page with updated diagram and tables between their marks.
-
-    Raises
-    ------
-    PamError
-        If a mark is missing.
-    """
-    parts = {
-        "diagram": f"```mermaid\n{diagram_as_mermaid()}\n```",
-        "states": states_as_markdown(),
-        "categories": categories_as_markdown(),
-        "faults": bounds_as_markdown(),
-        "devices": bounds_as_markdown(DEVICE_KINDS),
-    }
-    for name, part in parts.items():
-        begin, end = MARK.format(f"{name}: begin"), MARK.format(f"{name}: end")
-        head, found, rest = page.partition(begin)
-        _, ended, tail = rest.partition(end)
-        if not found or not ended:
-            raise PamError(f"the page has no {begin} ... {end}")
-        page = f"{head}{begin}\n{part}\n{end}{tail}"
-    return page

@@ -26,7 +26,8 @@ from pam_check.faults.unavoidable_speed import HELD_ANGLE
 from pam_control.controller_parameters import COMMAND_DELAY, create_controller, parameter_table
 from pam_driver.boards.wiring import RigWiring, kind_name
 from pam_model.argument_types import make_parents
-from pam_model.command_line import Arguments, Outcome, chosen_rig, progress
+from pam_model.command_line import Arguments, Outcome, progress
+from pam_model.common_options import chosen_rig
 from pam_model.errors import PamError
 from pam_model.rig import Rig, load_rig
 from pam_robot.direct_link import COMMAND_DELAY as ONE_PROCESS_DELAY

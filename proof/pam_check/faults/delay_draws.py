@@ -30,7 +30,8 @@ from pam_check.faults.rig_bounds import EMPTY, RigBounds, bounds_of
 from pam_check.faults.trial import AT_REST
 from pam_driver.safety.states import SafetyState
 from pam_model.argument_types import make_parents
-from pam_model.command_line import Arguments, Outcome, chosen_rig, progress
+from pam_model.command_line import Arguments, Outcome, progress
+from pam_model.common_options import chosen_rig
 from pam_model.effects import EFFECTS
 from pam_model.errors import PamError
 from pam_model.rig import load_rig

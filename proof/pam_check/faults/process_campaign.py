@@ -27,7 +27,8 @@ from pam_check.faults.chosen_kinds import kinds_called
 from pam_demo.chain import Chain, multicast_bus, private_domain
 from pam_driver.can_bus.bus import CanPort, open_bus
 from pam_model.argument_types import make_parents
-from pam_model.command_line import Arguments, Outcome, chosen_rig
+from pam_model.command_line import Arguments, Outcome
+from pam_model.common_options import chosen_rig
 from pam_model.errors import PamError
 from pam_model.rig import Rig, load_rig
 from pam_sim.fault_injection import FAULTS

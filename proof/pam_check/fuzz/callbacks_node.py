@@ -26,7 +26,8 @@ from pam_check.fuzz.random_targets import ViolationError
 from pam_demo.chain import private_domain, set_environment
 from pam_driver.boards.pam_board.codec import BoardCodec, FrameError, ValveCommand
 from pam_driver.can_bus.bus import CanPort, open_bus
-from pam_model.command_line import Arguments, Outcome, chosen_rig
+from pam_model.command_line import Arguments, Outcome
+from pam_model.common_options import chosen_rig
 from pam_model.rig import load_rig
 from pam_ros.node_end import end_node
 from pam_ros.start import start_ros

@@ -19,7 +19,8 @@ from typing import Any, Final
 from pam_check.fuzz.random_targets import TARGETS as INTERFACES
 from pam_check.fuzz.random_targets import Target
 from pam_model.argument_types import make_parents
-from pam_model.command_line import Arguments, Outcome, chosen_rig
+from pam_model.command_line import Arguments, Outcome
+from pam_model.common_options import chosen_rig
 from pam_model.errors import PamError
 from pam_model.rig import Rig, load_rig
 

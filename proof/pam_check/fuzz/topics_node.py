@@ -33,7 +33,8 @@ from pam_check.programs import DIAGNOSIS
 from pam_demo.chain import Chain, multicast_bus, private_domain
 from pam_demo.processes import NodeProcess, ProcessError
 from pam_driver.can_bus.bus import open_bus
-from pam_model.command_line import Arguments, Outcome, chosen_rig
+from pam_model.command_line import Arguments, Outcome
+from pam_model.common_options import chosen_rig
 from pam_model.errors import PamError
 from pam_model.rig import Rig, load_rig
 from pam_ros.errors import MalformedMessageError

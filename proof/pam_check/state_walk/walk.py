@@ -12,7 +12,8 @@ from pam_check.state_walk.acts import ACTS, OF_TWO_PROCESSES, Act, carry_out
 from pam_check.state_walk.fingerprint import Snapshots, fingerprint
 from pam_check.state_walk.system import System, make_system
 from pam_check.state_walk.watcher import Watcher
-from pam_model.command_line import Arguments, Outcome, chosen_rig
+from pam_model.command_line import Arguments, Outcome
+from pam_model.common_options import chosen_rig
 from pam_model.errors import PamError
 from pam_model.rig import Rig, load_rig
 

@@ -41,6 +41,7 @@ from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
 from launch import Action, LaunchContext, LaunchDescription
+from pam_bringup.launch_arguments import ARGUMENTS, declarations
 
 USERS_MISTAKE = 2  # the driver's exit code for a user's mistake; a restart would fail again
 RESTART_DELAY = 2.0  # s, until the boards have vented and the bus is closed
@@ -56,13 +57,12 @@ def check_words(context: LaunchContext) -> list[Action]:
     ValueError
         If a word of the command line resembles an argument of this file, and is none.
     """
-    known = [one.name for one in generate_launch_description().get_launch_arguments()]
     actions: list[Action] = []
     for word in context.argv:
         name, assigned, _ = word.partition(":=")
-        if not assigned or name in known:
+        if not assigned or name in ARGUMENTS:
             continue
-        meant = difflib.get_close_matches(name, known, n=1, cutoff=0.7)
+        meant = difflib.get_close_matches(name, ARGUMENTS, n=1, cutoff=0.7)
         if meant:
             raise ValueError(f"no launch argument is called {name}; did you mean {meant[0]}?")
         actions.append(LogInfo(msg=f"{name} is no argument of robot.launch.py"))
@@ -187,87 +187,9 @@ def generate_launch_description() -> LaunchDescription:
     elbow = PathJoinSubstitution([FindPackageShare("pam_bringup"), "config", "elbow.yaml"])
     return LaunchDescription(
         [
-            DeclareLaunchArgument(
-                "rig_file", default_value=elbow, description="rig file of the robot"
-            ),
-            DeclareLaunchArgument(
-                "namespace",
-                default_value="",
-                description="namespace of all nodes and topics; one for each robot on a network",
-            ),
-            DeclareLaunchArgument(
-                "one_process",
-                default_value="true",
-                choices=["true", "false"],
-                description="driver, controller and model share one process and one cycle; false: "
-                "three processes, which exchange topics",
-            ),
-            DeclareLaunchArgument(
-                "bus_interface",
-                default_value="socketcan",
-                description="python-can's name of the interface",
-            ),
-            DeclareLaunchArgument(
-                "bus_channel", default_value="can0", description="network interface"
-            ),
-            DeclareLaunchArgument(
-                "bus_port",
-                default_value="43113",
-                description="UDP port, used by bus_interface:=udp_multicast only",
-            ),
-            DeclareLaunchArgument(
-                "autostart",
-                default_value="true",
-                description="the driver begins to measure by itself; false: by ros2 lifecycle",
-            ),
-            DeclareLaunchArgument(
-                "activate_on_start",
-                default_value="false",
-                description="the driver also activates itself, so that the robot may move",
-            ),
-            DeclareLaunchArgument(
-                "start_up_check",
-                default_value="true",
-                description="an activation first tests every valve with a small pulse of air",
-            ),
-            DeclareLaunchArgument(
-                "startup_timeout",
-                default_value="10.0",
-                description="how long autostart waits for all boards [s]",
-            ),
-            DeclareLaunchArgument(
-                "realtime_priority",
-                default_value="20",
-                description="real-time priority of the driver's and controller's loops; 0: none",
-            ),
-            DeclareLaunchArgument(
-                "on_driver_exit",
-                default_value="shutdown",
-                choices=["shutdown", "restart"],
-                description="when the driver ends: end all nodes, or restart it without autostart",
-            ),
-            DeclareLaunchArgument(
-                "params_file",
-                default_value=rig_file,
-                description="parameters of the nodes besides the rig file, such as controller.yaml",
-            ),
-            DeclareLaunchArgument(
-                "respawn",
-                default_value="false",
-                choices=["true", "false"],
-                description="start model and controller again when they end, with "
-                "one_process:=false; the driver: see on_driver_exit",
-            ),
-            DeclareLaunchArgument(
-                "urdf",
-                default_value="",
-                description="URDF for robot_state_publisher; empty: made of the rig file",
-            ),
-            DeclareLaunchArgument(
-                "view",
-                default_value="false",
-                choices=["true", "false"],
-                description="show the robot in a browser (docs/watching.md; needs rerun-sdk)",
+            *(
+                DeclareLaunchArgument(name, **declared)
+                for name, declared in declarations(rig_file=elbow, params_file=rig_file)
             ),
             OpaqueFunction(function=check_words),
             *start_robot(

@@ -15,17 +15,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pam_model.argument_types import count, input_path, output_file, output_folder
-from pam_model.command_line import (
-    Arguments,
-    Command,
-    NodeCommand,
-    Outcome,
-    Parser,
-    Tool,
-    add_rig,
-    chosen_rig,
-    start_node,
-)
+from pam_model.command_line import Arguments, Command, NodeCommand, Outcome, Parser, Tool
+from pam_model.common_options import add_namespace, add_rig, chosen_rig
 
 if TYPE_CHECKING:
     from pam_ros.node_help import NodeHelp
@@ -37,7 +28,7 @@ def _declare(parser: Parser) -> None:
         help="rosbag2 to show; without it, the running robot is shown",
     )  # fmt: skip
     add_rig(parser)
-    parser.add_argument("--namespace", default="", help="namespace of the robot's topics")
+    add_namespace(parser)
     parser.add_argument(
         "--web-port", type=count(1, 65535), default=9090, help="port of the page (9090)"
     )
@@ -121,7 +112,7 @@ MARKERS = NodeCommand(
 def _declare_layouts(parser: Parser) -> None:
     parser.add_argument("out", type=output_folder, metavar="OUT", help="folder for the layouts")
     add_rig(parser)
-    parser.add_argument("--namespace", default="", help="namespace of the robot's topics")
+    add_namespace(parser)
 
 
 def _layouts(given: Arguments) -> Outcome:
@@ -190,15 +181,8 @@ TOOL = Tool(
     default="viewer",
 )
 
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command and return the exit code."""
-    return TOOL.run(arguments)
-
-
-def markers() -> int:
-    """Entry point of `ros2 run pam_bringup pam_markers`."""
-    return start_node(MARKERS)
+main = TOOL.run
+markers = MARKERS.start  # `ros2 run pam_bringup pam_markers`
 
 
 if __name__ == "__main__":

@@ -36,21 +36,11 @@ ONLY_POSITIVE: Final = frozenset({"viscous_friction", "gravity_torque", DRY_FRIC
 
 @dataclass(frozen=True, slots=True)
 class AdaptedRig:
-    """A rig with learnt numbers, and what a person should read about them.
+    """A rig with learnt numbers, and what a person should read about them."""
 
-    Attributes
-    ----------
-    rig : Rig
-        As its file should be.
-    changes : tuple of str
-        Every changed number with its interval, one line each.
-    left : tuple of str
-        What was learnt and is not written, and why.
-    """
-
-    rig: Rig
-    changes: tuple[str, ...]
-    left: tuple[str, ...]
+    rig: Rig  # as its file should be
+    changes: tuple[str, ...]  # every changed number with its interval, one line each
+    left: tuple[str, ...]  # what was learnt and is not written, and why
 
     @property
     def notes(self) -> list[str]:
@@ -61,24 +51,13 @@ class AdaptedRig:
 
 @dataclass(frozen=True, slots=True)
 class LearntOfJoint:
-    """What the controller knows of one joint at one moment.
+    """What the controller knows of one joint at one moment."""
 
-    Attributes
-    ----------
-    joint : str
-        Its name.
-    numbers : RigNumbers
-        Of the joint and the dimensions of its muscles.
-    openings : mapping of str to (float, float)
-        By muscle with a flow valve, the change of its null offset [-] and half of its interval.
-    left : tuple of str
-        What is not written, and why.
-    """
-
-    joint: str
-    numbers: RigNumbers
+    joint: str  # its name
+    numbers: RigNumbers  # of the joint and the dimensions of its muscles
+    # by muscle with a flow valve, the change of its null offset [-] and half of its interval
     openings: Mapping[str, tuple[float, float]]
-    left: tuple[str, ...]
+    left: tuple[str, ...]  # what is not written, and why
 
 
 def learnt_of(channel: JointChannel) -> LearntOfJoint:

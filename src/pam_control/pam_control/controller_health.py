@@ -35,12 +35,6 @@ class ControllerHealth:
     ----------
     name : str
         Of the node.
-    controller : Controller
-        The controller.
-    intake : CommandIntake
-        Its commands.
-    changes : SettingChanges
-        Its settings.
     driver : DriverFollower
         What the driver has said.
     """

@@ -23,39 +23,20 @@ from pam_ros.polled_topic import PolledTopic
 
 
 class NodeSide(NamedTuple):
-    """What a link to the driver needs of the controller's node.
+    """What a link to the driver needs of the controller's node."""
 
-    Attributes
-    ----------
-    node : rclpy.node.Node
-        Makes subscriptions, publishers and clients.
-    rig : Rig
-        Gives the names and their order in every message.
-    clock : callable
-        Present time on the controller's time axis [s].
-    rejecting : callable
-        Gives a block for a topic, in which a PamError means that its message is rejected.
-    take_driver_state : callable
-        Called with each message about the driver's state.
-    lose_driver_state : callable
-        Called when so many of them arrived at once that some were lost.
-    """
-
-    node: Any
-    rig: Rig
-    clock: Callable[[], float]
+    node: Any  # makes subscriptions, publishers and clients
+    rig: Rig  # gives the names and their order in every message
+    clock: Callable[[], float]  # present time on the controller's time axis [s]
+    # gives a block for a topic, in which a PamError means that its message is rejected
     rejecting: Callable[[str], AbstractContextManager[None]]
-    take_driver_state: Callable[[Any], object]
+    take_driver_state: Callable[[Any], object]  # called with each message about the driver's state
+    # called when so many of them arrived at once that some were lost
     lose_driver_state: Callable[[], object]
 
 
 class ControllerInputs:
     """The subscriptions that the control loop polls.
-
-    Parameters
-    ----------
-    side : NodeSide
-        Of the controller.
 
     Attributes
     ----------

@@ -39,8 +39,6 @@ class ControllerTopics:
         ----------
         stamp : int
             When the commands of the cycle were computed, since 1970 [ns].
-        telemetry : sequence of JointTelemetry
-            Of the joints.
         """
         self._cycles += 1
         if self._cycles % self._telemetry_every == 0:

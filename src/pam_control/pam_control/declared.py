@@ -3,7 +3,7 @@
 A field of `ControlSettings`, or of a control law, states its name in a parameter file, unit,
 bounds, default and text. The node's parameters, `config/controller.yaml`, the table in
 docs/controller.md and `pam control parameters` are made from these declarations
-(`controller_parameters`, `parameter_page`), and so are the settings from the values of a parameter
+(`controller_parameters`, `parameter_file`), and so are the settings from the values of a parameter
 file.
 """
 
@@ -26,18 +26,10 @@ _DECLARED: Final = "declared"
 
 @dataclass(frozen=True, slots=True)
 class BySize:
-    """How a value follows from the size of a joint.
+    """How a value follows from the size of a joint."""
 
-    Attributes
-    ----------
-    text : str
-        For people, after "-1: ".
-    of : callable
-        Takes the joint's `JointScale` and its complete settings.
-    """
-
-    text: str
-    of: Callable[[Any, Any], float]
+    text: str  # for people, after "-1: "
+    of: Callable[[Any, Any], float]  # takes the joint's `JointScale` and its complete settings
 
 
 def share_of_torque(share: float) -> BySize:
@@ -55,45 +47,25 @@ def share_of_stiffness(share: float, per: str = "") -> BySize:
 
 @dataclass(frozen=True, slots=True)
 class Declared:
-    """One parameter.
+    """One parameter."""
 
-    Attributes
-    ----------
-    key : str
-        Name in a parameter file.
-    default : bool, int, float or str
-        Its type is the type of the parameter.
-    unit : str
-        SI unit, "-" for none.
-    low, high : float
-        Bounds of a number in a parameter file; for one that is by size, of every other value.
-    text : str
-        What it is, one line.
-    fixed : bool
-        Whether it is only read at the start.
-    loop : bool
-        Whether it is part of the linear loop, whose gains are designed and checked.
-    possible : (float, float), optional
-        Wider bounds for a program; by default every number that is not negative.
-    by_size : BySize, optional
-        What -1 stands for.
-    read : callable, optional
-        Makes the value of the field from that of the parameter file.
-    laws : tuple of str
-        The laws that use it; empty: all. Of a law's own parameter they are known from its field.
-    """
-
-    key: str
-    default: Value
-    unit: str
+    key: str  # name in a parameter file
+    default: Value  # its type is the type of the parameter
+    unit: str  # SI unit, "-" for none
+    # low, high: bounds of a number in a parameter file; for one that is by size, of every other
+    # value
     low: float
     high: float
-    text: str
-    fixed: bool = False
+    text: str  # what it is, one line
+    fixed: bool = False  # whether it is only read at the start
+    # whether it is part of the linear loop, whose gains are designed and checked
     loop: bool = False
+    # wider bounds for a program; by default every number that is not negative
     possible: tuple[float, float] | None = None
-    by_size: BySize | None = None
+    by_size: BySize | None = None  # what -1 stands for
+    # makes the value of the field from that of the parameter file
     read: Callable[[Any], Any] | None = None
+    # The laws that use it; empty: all. Of a law's own parameter they are known from its field.
     laws: tuple[str, ...] = ()
 
     def field(self) -> Any:
@@ -152,8 +124,6 @@ def read_fields(owner: Any, values: Mapping[str, Value]) -> dict[str, Any]:
 
     Parameters
     ----------
-    owner : type
-        The dataclass.
     values : mapping
         By name in a parameter file; a field whose parameter is missing is left out.
 
@@ -192,8 +162,6 @@ def sized[T](owner: T, size: Any, settings: Any = None) -> T:
     ----------
     owner : dataclass instance
         Settings or a law.
-    size : JointScale
-        Of the joint.
     settings : ControlSettings, optional
         The complete settings of the joint, for values that follow from them as well.
     """

@@ -23,35 +23,16 @@ PRESSURE_SHARE = 0.97
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointModels:
-    """The models of one joint.
+    """The models of one joint."""
 
-    Attributes
-    ----------
-    robot : Robot
-        It belongs to this robot.
-    joint : RobotJoint
-        Its limits and its place among the joints.
-    model : JointStatics
-        Torque and stiffness of its muscles, and their inverse.
-    dynamics : InverseDynamics
-        Its equation of motion, without dry friction.
-    dry_friction : JointFriction
-        As it is compensated.
-    muscles : tuple of RobotMuscle
-        In the order of the arms of the joint.
-    scale : JointScale
-        Its size.
-    pressure_lag : float
-        Of the pressure sensors [s]; well above the pressure loop's crossover it acts as a delay.
-    """
-
-    robot: Robot
-    joint: RobotJoint
-    model: JointStatics
-    dynamics: InverseDynamics
-    dry_friction: JointFriction
-    muscles: tuple[RobotMuscle, ...]
-    scale: JointScale
+    robot: Robot  # it belongs to this robot
+    joint: RobotJoint  # its limits and its place among the joints
+    model: JointStatics  # torque and stiffness of its muscles, and their inverse
+    dynamics: InverseDynamics  # its equation of motion, without dry friction
+    dry_friction: JointFriction  # as it is compensated
+    muscles: tuple[RobotMuscle, ...]  # in the order of the arms of the joint
+    scale: JointScale  # its size
+    # of the pressure sensors [s]; well above the pressure loop's crossover it acts as a delay
     pressure_lag: float
 
     @classmethod

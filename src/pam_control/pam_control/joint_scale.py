@@ -21,21 +21,11 @@ _ALL: Final = 1e9  # N m/rad, more than any joint has
 
 @dataclass(frozen=True, slots=True)
 class JointScale:
-    """How strong and how stiff a joint can be in the middle of its range.
+    """How strong and how stiff a joint can be in the middle of its range."""
 
-    Attributes
-    ----------
-    torque : float
-        Largest torque, the mean of both directions [N m].
-    stiffness : float
-        Largest stiffness without torque [N m/rad].
-    joint : RobotJoint
-        The joint itself.
-    """
-
-    torque: float
-    stiffness: float
-    joint: RobotJoint
+    torque: float  # largest torque, the mean of both directions [N m]
+    stiffness: float  # largest stiffness without torque [N m/rad]
+    joint: RobotJoint  # the joint itself
 
     @classmethod
     def of(cls, joint: RobotJoint, model: JointStatics) -> JointScale:

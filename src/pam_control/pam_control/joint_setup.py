@@ -17,36 +17,16 @@ from pam_control.settings import ControlSettings
 
 @dataclass(frozen=True, slots=True)
 class JointSetup:
-    """What is in force for one joint until the settings change.
+    """What is in force for one joint until the settings change."""
 
-    Attributes
-    ----------
-    law : Law
-        With the values that follow from the size of the joint.
-    settings : ControlSettings
-        The same.
-    gains : GainSchedule
-        Of the feedback.
-    integral_limit : float
-        Of the feedback, in the unit of its output.
-    acting_delays : tuple of float
-        Time from a control cycle until each valve acts, by the rig file [s].
-    margins : list of Margins
-        With these gains, the worst operating point first.
-    adapts : bool
-        Whether what was learnt is used.
-    learner : MotionLearner or None
-        Of a motion that is repeated.
-    """
-
-    law: AnyLaw
-    settings: ControlSettings
-    gains: GainSchedule
-    integral_limit: float
-    acting_delays: PerMuscle
-    margins: list[Margins]
-    adapts: bool
-    learner: MotionLearner | None
+    law: AnyLaw  # with the values that follow from the size of the joint
+    settings: ControlSettings  # the same
+    gains: GainSchedule  # of the feedback
+    integral_limit: float  # of the feedback, in the unit of its output
+    acting_delays: PerMuscle  # time from a control cycle until each valve acts, by the rig file [s]
+    margins: list[Margins]  # with these gains, the worst operating point first
+    adapts: bool  # whether what was learnt is used
+    learner: MotionLearner | None  # of a motion that is repeated
 
 
 def joint_setups(
@@ -56,8 +36,6 @@ def joint_setups(
 
     Parameters
     ----------
-    joints : sequence of JointModels
-        All joints.
     prepared : PreparedSettings
         Gives the law and what is learnt.
     loops : Loops

@@ -45,8 +45,6 @@ class LoopDesign:
     ----------
     rig : Rig
         What is controlled.
-    joints : sequence of JointModels
-        Its joints.
     law : Law
         The control law, with its own parameters.
     designs : KeptDesigns

@@ -61,20 +61,11 @@ FRICTION = {Cause.STICKING, Cause.RUBBING}
 
 
 class Means(NamedTuple):
-    """What can be done, and how the loops are.
+    """What can be done, and how the loops are."""
 
-    Attributes
-    ----------
-    can_soften : bool
-        Whether there are safe gains.
-    steps : int
-        How often the normal gains can be lowered.
-    crossovers : sequence of float
-        Least crossover frequency of each joint's loop with the normal gains [rad/s].
-    """
-
-    can_soften: bool
-    steps: int
+    can_soften: bool  # whether there are safe gains
+    steps: int  # how often the normal gains can be lowered
+    # least crossover frequency of each joint's loop with the normal gains [rad/s]
     crossovers: Sequence[float]
 
 
@@ -177,8 +168,6 @@ class LoopGuard:
         ----------
         time : float
             Present time [s].
-        joints : sequence of JointTelemetry
-            Of the cycle.
         tracking_time : float
             How long a tracking error may be above its limit [s].
         means : Means

@@ -55,8 +55,6 @@ def remember(
 
     Parameters
     ----------
-    plans, ends : rows, (int, int)
-        The plans.
     measured_at : float
         [s].
     time : float

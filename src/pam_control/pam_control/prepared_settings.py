@@ -14,21 +14,11 @@ from pam_control.settings import ControlSettings
 
 @dataclass(frozen=True, slots=True)
 class Loops:
-    """Settings with all gains, and the margins of every joint with them.
+    """Settings with all gains, and the margins of every joint with them."""
 
-    Attributes
-    ----------
-    settings : ControlSettings
-        No gain is missing.
-    margins : list of list of Margins
-        By joint.
-    soft : bool
-        Whether they are for a joint that has oscillated: nothing is learnt then.
-    """
-
-    settings: ControlSettings
-    margins: list[list[Margins]]
-    soft: bool = False
+    settings: ControlSettings  # no gain is missing
+    margins: list[list[Margins]]  # by joint
+    soft: bool = False  # whether they are for a joint that has oscillated: nothing is learnt then
 
     def changed_to(self, settings: ControlSettings) -> Loops:
         """Other settings with the same loops."""
@@ -64,27 +54,15 @@ class Loops:
 
 @dataclass(frozen=True, slots=True)
 class PreparedSettings:
-    """Settings and law as asked for, the loops with all gains, and what is learnt.
+    """Settings and law as asked for, the loops with all gains, and what is learnt."""
 
-    Attributes
-    ----------
-    asked, law
-        As asked for.
-    normal : Loops
-        Usually in use.
-    soft : Loops or None
-        For a joint that has oscillated; None if there are none.
-    learning : LearningSession or None
-        Of a motion that is repeated.
-    lowered : tuple of Loops
-        For a joint that swings a little, each with lower gains than the one before.
-    """
-
+    # asked, law: as asked for
     asked: ControlSettings
     law: AnyLaw
-    normal: Loops
-    soft: Loops | None
-    learning: LearningSession | None = None
+    normal: Loops  # usually in use
+    soft: Loops | None  # for a joint that has oscillated; None if there are none
+    learning: LearningSession | None = None  # of a motion that is repeated
+    # for a joint that swings a little, each with lower gains than the one before
     lowered: tuple[Loops, ...] = ()
 
     def loops(self, guard: LoopGuard) -> Loops:

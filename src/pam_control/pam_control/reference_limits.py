@@ -18,12 +18,8 @@ class ReferenceLimits:
 
     Parameters
     ----------
-    rig : Rig
-        Its limits.
     robot : Robot
         The same robot as it holds.
-    joints : sequence of JointModels
-        Its joints.
     stiffnesses : sequence of float
         Until others are commanded [N m/rad].
 

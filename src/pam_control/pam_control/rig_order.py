@@ -17,8 +17,6 @@ def in_order(
 
     Parameters
     ----------
-    names, values : sequence
-        Names and values of the message.
     wanted : sequence of str
         The rig's names.
     field : str

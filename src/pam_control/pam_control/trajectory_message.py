@@ -24,22 +24,13 @@ LITTLE_ENDIAN = 1  # second byte of the header
 
 @dataclass(frozen=True, slots=True)
 class TrajectoryMessage:
-    """The content of a message.
+    """The content of a message."""
 
-    Attributes
-    ----------
-    seconds, nanoseconds : int
-        The stamp.
-    names : tuple of str
-        Names of the joints.
-    points : sequence of TrajectoryPoint
-        As in the message.
-    """
-
+    # seconds, nanoseconds: the stamp
     seconds: int
     nanoseconds: int
-    names: tuple[str, ...]
-    points: Sequence[TrajectoryPoint]
+    names: tuple[str, ...]  # names of the joints
+    points: Sequence[TrajectoryPoint]  # as in the message
 
 
 class _Reader:

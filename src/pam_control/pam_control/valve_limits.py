@@ -55,8 +55,6 @@ class ValveDemand:
     ----------
     robot : Robot
         Gas and supply.
-    models : JointModels
-        The joint.
     stiffness : float
         [N m/rad].
 

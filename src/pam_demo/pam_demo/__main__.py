@@ -10,10 +10,10 @@ if __name__ == "__main__":  # before the imports below, which take time
     end_at_signals()
 
 import sys
-from collections.abc import Sequence
 
-from pam_model.argument_types import count, input_file, number, output_folder
-from pam_model.command_line import Arguments, Command, Outcome, Parser, Tool, add_rig
+from pam_model.argument_types import count, input_file, number
+from pam_model.command_line import Arguments, Command, Outcome, Parser, Tool
+from pam_model.common_options import add_namespace, add_out, add_rig, add_tolerances
 
 DEFAULT_EFFECT = "coulomb_friction.torque=0.5"
 EFFECT = "EFFECT.PARAMETER=VALUE"
@@ -34,9 +34,7 @@ def _declare_demo(parser: Parser) -> None:
     parser.add_argument(
         "--joint", default="", metavar="NAME", help="the joint that moves (default: the first)"
     )
-    parser.add_argument(
-        "--out", type=output_folder, default="out/demo", help="folder (default: %(default)s)"
-    )
+    add_out(parser, "out/demo")
     parser.add_argument(
         "--no-baselines", action="store_true", help="play with the full controller only"
     )
@@ -87,9 +85,7 @@ def _declare_close_loop(parser: Parser) -> None:
         help="runs before and after the diagnosis, whose errors are given as medians "
         "(default: %(default)s)",
     )
-    parser.add_argument(
-        "--out", type=output_folder, default="out/close_loop", help="folder (default: %(default)s)"
-    )
+    add_out(parser, "out/close_loop")
     _add_can(parser)
 
 
@@ -111,9 +107,7 @@ def _declare_robot(parser: Parser) -> None:
         metavar=EFFECT,
         help="effects of the simulated robot that its rig file omits",
     )
-    parser.add_argument(
-        "--out", type=output_folder, default="out/robot", help="folder (default: %(default)s)"
-    )
+    add_out(parser, "out/robot")
 
 
 def _commission(given: Arguments) -> Outcome:
@@ -125,11 +119,11 @@ def _commission(given: Arguments) -> Outcome:
 
 def _declare_commission(parser: Parser) -> None:
     add_rig(parser, required=True)
-    parser.add_argument("--out", type=output_folder, required=True, help="folder for the results")
+    add_out(parser)
     parser.add_argument(
         "--joint", default="", metavar="NAME", help="the joint (default: the first)"
     )
-    parser.add_argument("--namespace", default="", help="of the robot's nodes (default: none)")
+    add_namespace(parser)
     parser.add_argument(
         "--rate",
         type=number("Hz", least=50.0, most=1000.0),
@@ -137,17 +131,7 @@ def _declare_commission(parser: Parser) -> None:
         metavar="HZ",
         help="rate of the commands [Hz] (default: %(default)g)",
     )
-    for option, usual, text in (
-        ("--tolerance", 1.0 / 3.0, "how far a plain number of the rig file may be off, relative"),
-        ("--length-tolerance", 0.05, "the same for lengths, turns and the supply pressure"),
-    ):
-        parser.add_argument(
-            option,
-            type=number("", least=0.0, most=0.5),
-            default=usual,
-            metavar="SHARE",
-            help=f"{text} (default: {usual:.2g})",
-        )
+    add_tolerances(parser)
     parser.add_argument(
         "--simulate",
         type=input_file,
@@ -223,10 +207,7 @@ COMMANDS = (
 
 TOOL = Tool("demo", "Demonstrations of the whole suite on a simulated rig", COMMANDS, default="run")
 
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command and return the exit code."""
-    return TOOL.run(arguments)
+main = TOOL.run
 
 
 if __name__ == "__main__":

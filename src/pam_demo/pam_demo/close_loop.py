@@ -24,7 +24,8 @@ from pam_demo.close_loop_page import write_page
 from pam_demo.programs import DEMO
 from pam_demo.tracking import ClosedLoopFigure, TrackedMotion, tracked_motions
 from pam_gap.diagnosis_files import IMPROVED_RIG, diagnose_files
-from pam_model.command_line import Arguments, Outcome, chosen_rig
+from pam_model.command_line import Arguments, Outcome
+from pam_model.common_options import chosen_rig
 from pam_model.errors import PamError
 from pam_model.rig import load_rig
 from pam_sim.rig import parse_effects
@@ -119,7 +120,8 @@ def run_demos(
     for folder in folders:
         run_demo(folder, rig, effects, true_rig=true_rig, can=can, rate=rate)
         rate = rate_of(folder)
-    return [tracked_motions(folder) for folder in folders]
+    joint = load_rig(rig).joint_names[0]
+    return [tracked_motions(folder, joint) for folder in folders]
 
 
 def compared(

@@ -34,7 +34,8 @@ from pam_demo.player import TAIL, NotPlayedError, OpenPlayer, Player
 from pam_demo.processes import NodeProcess, Setting
 from pam_demo.programs import RECORDER, recorder_words
 from pam_gap.answer.user_units import told
-from pam_model.command_line import Arguments, Outcome, Progress, chosen_rig, progress
+from pam_model.command_line import Arguments, Outcome, Progress, progress
+from pam_model.common_options import chosen_rig
 from pam_model.errors import PamError
 from pam_model.names import unknown
 from pam_model.rig import Rig, load_rig
@@ -278,8 +279,6 @@ def run(given: Arguments, open_player: OpenPlayer) -> Outcome:
 
     Parameters
     ----------
-    given : Arguments
-        From the command line.
     open_player : callable
         Creates the player of the motions.
 

@@ -15,7 +15,7 @@ from pam_control.joint_scale import JointScale
 from pam_control.settings import ControlSettings
 from pam_demo.loop_rate import RATES
 from pam_demo.motions import DemoMotion
-from pam_demo.recording import Array, TopicSeries, read_loop_counts, read_recording
+from pam_demo.recording import Array, Series, read_loop_counts, read_series
 from pam_demo.tracking import MEASURED, TRUE, FollowedAngle
 from pam_gap.answer.user_units import told
 from pam_model.errors import PamError
@@ -23,6 +23,7 @@ from pam_model.joints.joint_statics import JointStatics
 from pam_model.rig import Rig
 from pam_model.robot import compose
 from pam_model.views.gravity import gravity_torque
+from pam_ros.valve_command import FLOW
 
 LATE = 0.5  # of the period; a cycle that begins so much too late is a late one
 AVERAGED = 0.05  # s, averaging time of the stiffness
@@ -35,7 +36,6 @@ NAMES = {
     "pressure_ratio_pid": "pressure-ratio PID",
 }
 TIMING = ("controller_late", "driver_late")
-NEEDED = (MEASURED, "/pressure_states", "/valve_commands", "/joint_stiffness")
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,10 +79,11 @@ class Play:
     law: str  # a key of NAMES
     motion: DemoMotion  # the commanded motion
     joint: FollowedAngle  # as measured
-    # pressures, valves, stiffness: pressures [Pa], valve commands, stiffness [N m/rad]
-    pressures: TopicSeries
-    valves: TopicSeries
-    stiffness: TopicSeries
+    # pressures, valves, stiffness: pressures [Pa] and valve commands of each muscle, stiffness
+    # [N m/rad]
+    pressures: tuple[Series, ...]
+    valves: tuple[Series, ...]
+    stiffness: Series
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,27 +113,61 @@ def asked_stiffness(motion: DemoMotion, times: Array) -> Array:
     return np.asarray([entry[1] for entry in motion.stiffness])[index]
 
 
-def _play(law: str, motion: DemoMotion, start: float, data: Mapping[str, TopicSeries]) -> Play:
-    def part(topic: str) -> TopicSeries:
-        series = data[topic].during(start, motion.duration)
+@dataclass(frozen=True, slots=True)
+class _Columns:
+    """Where a recording has what is shown of a joint."""
+
+    angle: str
+    true_angle: str
+    stiffness: str
+    pressures: tuple[str, ...]  # of each muscle
+    valves: tuple[str, ...]  # of each muscle
+
+    @classmethod
+    def of(cls, rig: Rig, joint: str) -> _Columns:
+        """Of a joint of the rig."""
+        muscles = rig.joint(joint).muscles
+        fields = ["position" if rig.valve_kinds[name] == FLOW else "effort" for name in muscles]
+        return cls(
+            MEASURED.format(joint),
+            TRUE.format(joint),
+            f"/joint_stiffness.data.{rig.joint_names.index(joint)}",
+            tuple(f"/pressure_states.effort.{name}" for name in muscles),
+            tuple(
+                f"/valve_commands.{field}.{name}"
+                for field, name in zip(fields, muscles, strict=True)
+            ),
+        )
+
+    @property
+    def needed(self) -> tuple[str, ...]:
+        """All but the true angle, which only a simulated rig has."""
+        return (self.angle, self.stiffness, *self.pressures, *self.valves)
+
+
+def _play(
+    law: str, motion: DemoMotion, start: float, data: Mapping[str, Series], columns: _Columns
+) -> Play:
+    def part(column: str) -> Series:
+        series = data[column].during(start, motion.duration)
         if not len(series.times):
-            raise PamError(f"{topic}: nothing was recorded during {motion.title!r} ({law})")
+            raise PamError(f"{column}: nothing was recorded during {motion.title!r} ({law})")
         return series
 
     return Play(
         law,
         motion,
-        FollowedAngle.of(motion, part(MEASURED)),
-        part("/pressure_states"),
-        part("/valve_commands"),
-        part("/joint_stiffness"),
+        FollowedAngle.of(motion, part(columns.angle)),
+        tuple(map(part, columns.pressures)),
+        tuple(map(part, columns.valves)),
+        part(columns.stiffness),
     )
 
 
-def _means(series: TopicSeries) -> Array:
-    """Moving mean of the first element over AVERAGED seconds."""
+def _means(series: Series) -> Array:
+    """Moving mean over AVERAGED seconds."""
     count = max(round(AVERAGED / float(np.median(np.diff(series.times)))), 1)
-    return np.convolve(series.values[:, 0], np.full(count, 1.0 / count), "valid")
+    return np.convolve(series.values, np.full(count, 1.0 / count), "valid")
 
 
 def _stiffness_figures(play: Play, rig: Rig, moved: str) -> tuple[list[Figure], list[str]]:
@@ -185,7 +220,7 @@ def _step_figures(play: Play) -> list[Figure]:
     ]
 
 
-def _periods(plays: list[tuple[float, DemoMotion]], series: TopicSeries) -> Array:
+def _periods(plays: list[tuple[float, DemoMotion]], series: Series) -> Array:
     parts = [
         np.diff(series.between(start, start + motion.duration).times) for start, motion in plays
     ]
@@ -193,20 +228,20 @@ def _periods(plays: list[tuple[float, DemoMotion]], series: TopicSeries) -> Arra
 
 
 def _truth_figures(
-    runs: list[dict[str, Any]], motions: Mapping[str, DemoMotion], data: Mapping[str, TopicSeries]
+    runs: list[dict[str, Any]], motions: Mapping[str, DemoMotion], angle: Series | None
 ) -> list[Figure]:
     """Error of the arm's motion by the plant's true angle, which has no sensor errors."""
-    if TRUE not in data:
+    if angle is None:
         return []
     run = next(run for run in runs if (run["law"], run["motion"]) == ("full", "arm"))
     motion = motions["arm"]
-    true = data[TRUE].during(run["start"], motion.duration)
+    true = angle.during(run["start"], motion.duration)
     rms = FollowedAngle.of(motion, true).rms(motion.windows)
     return [Figure("arm_rms_truth", f"{motion.title}: RMS error of the true angle", rms, "rad")]
 
 
 def _loop_figures(
-    periods: Array, counts: TopicSeries, full: list[tuple[float, DemoMotion]], rate: float
+    periods: Array, counts: Series, full: list[tuple[float, DemoMotion]], rate: float
 ) -> list[Figure]:
     """Timing of the controller and driver loops during the runs with the full controller."""
     late = 100.0 * float(np.mean(periods > (1.0 + LATE) / rate))
@@ -274,8 +309,6 @@ def evaluate(
 
     Parameters
     ----------
-    bag : Path
-        The recording.
     runs : list of dict
         The runs: "law", "motion", "start" [s since the epoch], "rate" [Hz].
     motions : mapping of str to DemoMotion
@@ -290,12 +323,12 @@ def evaluate(
     PamError
         If a topic or a part of the recording is missing.
     """
-    elements = (joint, *rig.joint(joint).muscles, str(rig.joint_names.index(joint)))
-    data = {topic: series.only(elements) for topic, series in read_recording(bag).items()}
-    for topic in NEEDED:
-        if topic not in data or not data[topic].names:
-            raise PamError(f"{bag}: nothing was recorded on {topic}")
-    plays = [_play(run["law"], motions[run["motion"]], run["start"], data) for run in runs]
+    columns = _Columns.of(rig, joint)
+    data = read_series(bag, (*columns.needed, columns.true_angle))
+    for column in columns.needed:
+        if column not in data:
+            raise PamError(f"{bag}: nothing was recorded of {column}")
+    plays = [_play(run["law"], motions[run["motion"]], run["start"], data, columns) for run in runs]
     by = {(play.law, play.motion.name): play for play in plays}
     full = [(run["start"], motions[run["motion"]]) for run in runs if run["law"] == "full"]
     notes: list[str] = []
@@ -339,8 +372,8 @@ def evaluate(
                 "staircase_rms", "Held angle: RMS error", held.joint.rms(held.motion.windows), "rad"
             )
         )
-    figures += _truth_figures(runs, motions, data)
-    periods = {"/valve_commands": _periods(full, data["/valve_commands"])}
+    figures += _truth_figures(runs, motions, data.get(columns.true_angle))
+    periods = {"/valve_commands": _periods(full, data[columns.valves[0]])}
     rate = float(runs[0]["rate"])
     counts = read_loop_counts(bag, "pam_driver")
     figures += _loop_figures(periods["/valve_commands"], counts, full, rate)

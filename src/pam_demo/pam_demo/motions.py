@@ -34,30 +34,21 @@ class Window:
 
 @dataclass(frozen=True, slots=True)
 class DemoMotion:
-    """One motion of one joint.
+    """One motion of one joint."""
 
-    Attributes
-    ----------
-    name, title : str
-        Name in files, title on the page.
-    times, positions, velocities, accelerations : array, shape (n,)
-        Waypoints: [s] from the motion's start, [rad], [rad/s], [rad/s^2]; at rest at both ends.
-    windows : tuple of Window
-        The scored parts.
-    stiffness : tuple of (float, float)
-        Times [s] and the stiffness [N m/rad] that is commanded from each of them on.
-    streamed : bool
-        Each position is sent when it is due, instead of a whole trajectory in advance.
-    """
-
+    # name, title: name in files, title on the page
     name: str
     title: str
+    # times, positions, velocities, accelerations: shape (n,): waypoints: [s] from the motion's
+    # start, [rad], [rad/s], [rad/s^2]; at rest at both ends
     times: Array
     positions: Array
     velocities: Array
     accelerations: Array
-    windows: tuple[Window, ...]
+    windows: tuple[Window, ...]  # the scored parts
+    # times [s] and the stiffness [N m/rad] that is commanded from each of them on
     stiffness: tuple[tuple[float, float], ...] = ((0.0, HOLD_STIFFNESS),)
+    # each position is sent when it is due, instead of a whole trajectory in advance
     streamed: bool = False
 
     @property

@@ -109,7 +109,7 @@ def _motion_plot(plays: list[Play], muscles: Mapping[str, str], width: float = W
     angle.set_ylabel("angle [rad]")
     error.set_ylabel("error [mrad]")
     times = first.stiffness.times
-    _line(stiffness, times, first.stiffness.values[:, 0], color=COLOURS["full"], label="actual")
+    _line(stiffness, times, first.stiffness.values, color=COLOURS["full"], label="actual")
     _line(
         stiffness,
         times,
@@ -121,21 +121,13 @@ def _motion_plot(plays: list[Play], muscles: Mapping[str, str], width: float = W
     )
     stiffness.set_ylabel("stiffness\n[N m/rad]")
     stiffness.set_ylim(0.0, 1.1 * stiffness.get_ylim()[1])
-    for element, (colour, (name, kind)) in enumerate(zip(PAIR, muscles.items(), strict=False)):
+    for (name, kind), colour, pressures, commands in zip(
+        muscles.items(), PAIR, first.pressures, first.valves, strict=False
+    ):
+        _line(pressure, pressures.times, pressures.values / 1e5, color=colour, label=name)
+        scale = 1.0 if kind == FLOW else 1e5
         _line(
-            pressure,
-            first.pressures.times,
-            first.pressures.values[:, element] / 1e5,
-            color=colour,
-            label=name,
-        )
-        _line(
-            valve,
-            first.valves.times,
-            first.valves.values[:, element] / (1.0 if kind == FLOW else 1e5),
-            color=colour,
-            label=name,
-            linewidth=0.8,
+            valve, commands.times, commands.values / scale, color=colour, label=name, linewidth=0.8
         )
     pressure.set_ylabel("pressure\n[bar gauge]")
     units = {"-1..1" if kind == FLOW else "bar gauge" for kind in muscles.values()}

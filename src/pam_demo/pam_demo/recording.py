@@ -2,132 +2,68 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, cast
 
 import numpy as np
 import numpy.typing as npt
-from rosbags.highlevel import AnyReaderError
 
-from pam_gap.recordings.broken_bag import bag_reader
-from pam_model.errors import PamError
-from pam_ros.valve_command import commands_of_any_kind
+from pam_gap.recordings.bag_columns import read_bag_columns
+from pam_gap.recordings.broken_bag import bag_reader, beginning, read_bag
 
 Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class TopicSeries:
-    """One field of one topic.
+class Series:
+    """One number of a topic over time, or several of equal stamps."""
 
-    Attributes
-    ----------
-    times : array, shape (n,)
-        Stamps of measurement, or of reception for messages without a header [s since the epoch].
-    values : array, shape (n, elements)
-        In the topic's unit.
-    names : tuple of str
-        Of the elements; their numbers, as text, where a message has no names.
-    """
-
+    # shape (n,): stamps of measurement, or of reception for messages without a header [s since the
+    # epoch]
     times: Array
-    values: Array
-    names: tuple[str, ...] = ()
+    values: Array  # shape (n,): in the topic's unit
 
-    def between(self, start: float, end: float) -> TopicSeries:
+    def between(self, start: float, end: float) -> Series:
         """The samples from `start` to `end` [s]."""
         first, last = np.searchsorted(self.times, (start, end))
-        return TopicSeries(self.times[first:last], self.values[first:last], self.names)
+        return Series(self.times[first:last], self.values[first:last])
 
-    def during(self, start: float, duration: float) -> TopicSeries:
+    def during(self, start: float, duration: float) -> Series:
         """The samples of `duration` seconds from `start` [s], from which their times count."""
         part = self.between(start, start + duration)
-        return TopicSeries(part.times - start, part.values, part.names)
-
-    def only(self, names: Sequence[str]) -> TopicSeries:
-        """The elements that have one of these names."""
-        columns = [self.names.index(name) for name in names if name in self.names]
-        kept = tuple(self.names[column] for column in columns)
-        return TopicSeries(self.times, self.values[:, columns], kept)
+        return Series(part.times - start, part.values)
 
 
 LOOP_COUNTS = ("cycles", "late cycles", "skipped cycles")
-COMMAND = "command"
-"""Stands for the field that holds a muscle's valve command: `position` or `effort`."""
-FIELDS = {
-    "/joint_states": "position",
-    "/pressure_states": "effort",
-    "/valve_commands": COMMAND,
-    "/pam_controller/reference": "position",
-    "/joint_stiffness": "data",
-    "/ground_truth/joint_states": "position",
-}
 
 
-def _values(message: Any, field: str) -> dict[str, float]:
-    """The numbers of a message by name, or by place where it has no names."""
-    names = getattr(message, "name", None)
-    if field == COMMAND:
-        commands = commands_of_any_kind(message.name, message.position, message.effort).values
-        return {name: commands.get(name, math.nan) for name in message.name}
-    values = cast(Sequence[float], getattr(message, field))
-    return dict(zip(names or map(str, range(len(values))), values, strict=False))
-
-
-def _series(times: Sequence[float], rows: Sequence[dict[str, float]]) -> TopicSeries:
-    """One column for each name; `joint_states` leaves a joint out that is not measured."""
-    names = tuple(dict.fromkeys(name for row in rows for name in row))
-    values = np.array([[row.get(name, math.nan) for name in names] for row in rows])
-    return TopicSeries(np.asarray(times), values, names)
-
-
-def read_recording(bag: Path, fields: dict[str, str] | None = None) -> dict[str, TopicSeries]:
-    """Read one field of each topic.
+def read_series(bag: Path, columns: Collection[str]) -> dict[str, Series]:
+    """Read numbers from a recording.
 
     Parameters
     ----------
     bag : Path
         A rosbag2 folder.
-    fields : dict, optional
-        Topic -> field of its message, or COMMAND.
+    columns : collection of str
+        Topic, field and name or place, such as `/joint_states.position.elbow`.
 
     Returns
     -------
-    dict of str to TopicSeries
-        By topic; topics that were not recorded are missing.
+    dict of str to Series
+        By column; what was not recorded is missing.
 
     Raises
     ------
-    PamError
+    RecordingError
         If the bag cannot be read.
     """
-    fields = fields or FIELDS
-    stamps: dict[str, list[float]] = {topic: [] for topic in fields}
-    rows: dict[str, list[dict[str, float]]] = {topic: [] for topic in fields}
-    try:
-        with bag_reader([bag]) as reader:
-            wanted = [entry for entry in reader.connections if entry.topic in fields]
-            for connection, received, raw in reader.messages(connections=wanted):
-                message = reader.deserialize(raw, connection.msgtype)
-                values = _values(message, fields[connection.topic])
-                header = getattr(message, "header", None)
-                stamp = (
-                    received * 1e-9
-                    if header is None
-                    else header.stamp.sec + header.stamp.nanosec * 1e-9
-                )
-                if len(values):
-                    stamps[connection.topic].append(stamp)
-                    rows[connection.topic].append(values)
-    except (AnyReaderError, OSError) as error:
-        raise PamError(f"{bag}: cannot be read as a recording: {error}") from None
-    return {topic: _series(stamps[topic], rows[topic]) for topic in fields if rows[topic]}
+    found, _ = read_bag_columns(bag, frozenset(columns))
+    began, _ = read_bag(bag, beginning)
+    return {name: Series(began + raw.time, raw.value) for name, raw in found.items()}
 
 
-def read_loop_counts(bag: Path, node: str) -> TopicSeries:
+def read_loop_counts(bag: Path, node: str) -> Series:
     """Read the timing counts of a node's loop from its diagnostics.
 
     Parameters
@@ -139,7 +75,7 @@ def read_loop_counts(bag: Path, node: str) -> TopicSeries:
 
     Returns
     -------
-    TopicSeries
+    Series
         LOOP_COUNTS since the loop's start, once a second; empty if the node published none.
     """
     times: list[float] = []
@@ -152,6 +88,4 @@ def read_loop_counts(bag: Path, node: str) -> TopicSeries:
                 if status.name.startswith(node) and all(key in values for key in LOOP_COUNTS):
                     times.append(received * 1e-9)
                     rows.append([float(values[key]) for key in LOOP_COUNTS])
-    return TopicSeries(
-        np.asarray(times), np.asarray(rows, dtype=float).reshape(-1, len(LOOP_COUNTS))
-    )
+    return Series(np.asarray(times), np.asarray(rows, dtype=float).reshape(-1, len(LOOP_COUNTS)))

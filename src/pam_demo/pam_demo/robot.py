@@ -12,7 +12,8 @@ from pathlib import Path
 from pam_demo.chain import Chain, best_bus
 from pam_demo.demo import COMPILE_TIMEOUT, SIMULATING, START_TIMEOUT, hidden_settings, node_settings
 from pam_demo.loop_rate import RATES
-from pam_model.command_line import Arguments, Outcome, chosen_rig
+from pam_model.command_line import Arguments, Outcome
+from pam_model.common_options import chosen_rig
 from pam_model.rig import load_rig
 
 ACTIVE = "active: valves follow"  # in the line that the driver writes when the robot may move

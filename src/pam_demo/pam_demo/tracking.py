@@ -12,10 +12,11 @@ import numpy as np
 from scipy.interpolate import BPoly
 
 from pam_demo.motions import DemoMotion, Window, all_motions
-from pam_demo.recording import Array, TopicSeries, read_recording
+from pam_demo.recording import Array, Series, read_series
 from pam_model.errors import PamError
 
-MEASURED, TRUE = "/joint_states", "/ground_truth/joint_states"
+MEASURED, TRUE = "/joint_states.position.{}", "/ground_truth/joint_states.position.{}"
+"""Angles in a recording, with the place of the joint's name."""
 
 
 def asked_position(motion: DemoMotion, times: Array) -> Array:
@@ -31,26 +32,19 @@ def asked_position(motion: DemoMotion, times: Array) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class FollowedAngle:
-    """An angle of the joint during a motion, beside the reference.
+    """An angle of the joint during a motion, beside the reference."""
 
-    Attributes
-    ----------
-    motion : DemoMotion
-        The commanded motion.
-    times, asked, angle : array, shape (n,)
-        Time from the first waypoint [s], reference and angle [rad].
-    """
-
-    motion: DemoMotion
+    motion: DemoMotion  # the commanded motion
+    # times, asked, angle: shape (n,): time from the first waypoint [s], reference and angle [rad]
     times: Array
     asked: Array
     angle: Array
 
     @classmethod
-    def of(cls, motion: DemoMotion, series: TopicSeries) -> Self:
-        """The first element of what was recorded during the motion."""
+    def of(cls, motion: DemoMotion, series: Series) -> Self:
+        """An angle that was recorded during the motion."""
         asked = asked_position(motion, series.times)
-        return cls(motion, series.times, asked, series.values[:, 0])
+        return cls(motion, series.times, asked, series.values)
 
     @property
     def error(self) -> Array:
@@ -84,8 +78,8 @@ class ClosedLoopFigure:
     true_after: float
 
 
-def tracked_motions(folder: Path) -> list[TrackedMotion]:
-    """Read the motions from a demo's folder.
+def tracked_motions(folder: Path, joint: str) -> list[TrackedMotion]:
+    """Read the motions of a joint from a demo's folder.
 
     Raises
     ------
@@ -94,16 +88,17 @@ def tracked_motions(folder: Path) -> list[TrackedMotion]:
     """
     runs: list[dict[str, Any]] = json.loads((folder / "runs.json").read_text())
     motions: Mapping[str, DemoMotion] = {motion.name: motion for motion in all_motions()}
-    data = read_recording(folder / "bag")
-    for topic in (MEASURED, TRUE):
-        if topic not in data:
-            raise PamError(f"{folder / 'bag'}: nothing was recorded on {topic}")
+    angles = [angle.format(joint) for angle in (MEASURED, TRUE)]
+    data = read_series(folder / "bag", angles)
+    for angle in angles:
+        if angle not in data:
+            raise PamError(f"{folder / 'bag'}: nothing was recorded of {angle}")
     found = []
     for run in runs:
         motion = motions[run["motion"]]
         measured, true = (
-            FollowedAngle.of(motion, data[topic].during(run["start"], motion.duration))
-            for topic in (MEASURED, TRUE)
+            FollowedAngle.of(motion, data[angle].during(run["start"], motion.duration))
+            for angle in angles
         )
         found.append(TrackedMotion(measured, true))
     return found

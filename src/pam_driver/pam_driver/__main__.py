@@ -22,8 +22,8 @@ from pam_model.command_line import (
     Outcome,
     Parser,
     Tool,
-    start_node,
 )
+from pam_model.common_options import add_bus, add_dbc
 
 if TYPE_CHECKING:
     from pam_ros.node_help import NodeHelp
@@ -52,7 +52,7 @@ def _declare_check_rig(parser: Parser) -> None:
         metavar="BIT/S",
         help="of the only bus, if the rig file describes none (default: %(default)d)",
     )
-    add("--dbc", type=input_file, metavar="FILE", help="CAN database of boards of kind pam_board")
+    add_dbc(parser)
 
 
 def _scan(given: Arguments) -> Outcome:
@@ -61,22 +61,19 @@ def _scan(given: Arguments) -> Outcome:
     return run(given)
 
 
-def _declare_bus(parser: Parser, seconds: float, purpose: str) -> None:
-    add = parser.add_argument
-    add("--interface", help="python-can's interface (default: socketcan)")
-    add("--channel", help="python-can's channel (default: can0)")
-    add("--port", type=count(1, 65535), help="UDP port, used by udp_multicast only")
-    add(
+def _declare_listening(parser: Parser, seconds: float) -> None:
+    add_bus(parser)
+    parser.add_argument(
         "--duration",
         type=number("s", above=0.0),
         default=seconds,
         metavar="S",
-        help=f"{purpose} [s] (default: %(default)g)",
+        help="how long to listen [s] (default: %(default)g)",
     )
 
 
 def _declare_scan(parser: Parser) -> None:
-    _declare_bus(parser, 2.0, "how long to listen")
+    _declare_listening(parser, 2.0)
     parser.add_argument("--fd", action="store_true", help="the bus carries CAN FD frames")
     parser.add_argument(
         "--identify",
@@ -95,7 +92,7 @@ def _monitor(given: Arguments) -> Outcome:
 def _declare_monitor(parser: Parser) -> None:
     add = parser.add_argument
     add("rig_file", type=input_file, metavar="RIG", help="rig file")
-    _declare_bus(parser, 10.0, "how long to listen")
+    _declare_listening(parser, 10.0)
     add(
         "--period",
         type=number("s", above=0.0),
@@ -103,7 +100,7 @@ def _declare_monitor(parser: Parser) -> None:
         metavar="S",
         help="time between two lines (default: %(default)g)",
     )
-    add("--dbc", type=input_file, metavar="FILE", help="CAN database of boards of kind pam_board")
+    add_dbc(parser)
 
 
 def _set(given: Arguments) -> Outcome:
@@ -123,9 +120,7 @@ def _declare_set(parser: Parser) -> None:
         metavar="PERCENT",
         help="set point in percent of full scale; a flow valve takes -100 to 100",
     )
-    add("--interface", help="python-can's interface (default: socketcan)")
-    add("--channel", help="python-can's channel (default: can0)")
-    add("--port", type=count(1, 65535), help="UDP port, used by udp_multicast only")
+    add_bus(parser)
     add(
         "--duration",
         type=number("s", above=0.0, most=10.0),
@@ -141,7 +136,7 @@ def _declare_set(parser: Parser) -> None:
         help="gauge pressure at which it vents at once (default: %(default)g)",
     )
     add("--yes", action="store_true", help="do not ask")
-    add("--dbc", type=input_file, metavar="FILE", help="CAN database of boards of kind pam_board")
+    add_dbc(parser)
 
 
 def _node(arguments: Sequence[str] | None) -> int:
@@ -202,15 +197,8 @@ COMMANDS = (
 
 TOOL = Tool("driver", "Tools for the buses and boards of a robot, and the driver node", COMMANDS)
 
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command and return the exit code."""
-    return TOOL.run(arguments)
-
-
-def driver_node() -> int:
-    """Entry point of `ros2 run pam_driver pam_driver_node`."""
-    return start_node(NODE)
+main = TOOL.run
+driver_node = NODE.start  # `ros2 run pam_driver pam_driver_node`
 
 
 if __name__ == "__main__":

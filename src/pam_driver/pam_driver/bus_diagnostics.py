@@ -20,8 +20,6 @@ class BusDiagnostics:
     ----------
     name : str
         Its name in the rig file; "" for the only bus of a robot.
-    port : CanPort
-        The bus.
     bitrate : float
         Needed to compute the bus load [bit/s].
     """

@@ -63,8 +63,6 @@ def open_buses(
     ----------
     rig : Rig
         The rig; its `buses` may be empty.
-    wiring : RigWiring
-        Its wiring.
     only : OnlyBus
         The bus if the rig file describes none.
     filtered : bool, optional

@@ -29,8 +29,6 @@ class DriverInputs:
     ----------
     node : Node
         The driver's node.
-    people : People
-        Which inputs for people are topics.
     driver : callable
         The driver, or None while no bus is open.
     own_source : callable

@@ -30,8 +30,6 @@ class DriverServices:
         Its activation at start-up, which a vent cancels.
     reported : ReportedState
         Gets the reasons.
-    log : DriverLog
-        Its log.
     """
 
     def __init__(

@@ -154,8 +154,6 @@ class FaultJudge:
 
         Parameters
         ----------
-        board : Board
-            The board.
         time : float
             When its next frame arrived, monotonic [s].
         active_since, cleared_at : float
@@ -207,8 +205,6 @@ class FaultJudge:
         ----------
         setpoints : sequence of float or None
             The last set points that were sent to the boards, by muscle; None: to vent.
-        readings : Readings
-            The measurements.
         now : float
             Monotonic time [s].
         """

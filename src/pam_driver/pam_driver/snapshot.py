@@ -12,34 +12,20 @@ from pam_driver.safety.states import SafetyState
 
 
 class Snapshot(NamedTuple):
-    """The result of one cycle, in the rig's order.
+    """The result of one cycle, in the rig's order."""
 
-    Attributes
-    ----------
-    state : SafetyState
-        State after the cycle.
-    pressures : tuple of float
-        By muscle [Pa gauge], NaN if not fresh.
-    pressure_stamp : float
-        Wall-clock time of the oldest of them [s], 0 if none is fresh.
-    positions, velocities : tuple of float
-        By joint [rad], [rad/s], NaN if not fresh.
-    joint_stamp : float
-        Wall-clock time of the oldest of them [s], 0 if none is fresh.
-    sent : tuple of float
-        Command by muscle as fraction of full scale, including the command to vent; empty if the
-        bus did not accept it.
-    pressure_time, joint_time : float
-        The moments of both stamps on the monotonic clock [s]; infinite if none is fresh.
-    """
-
-    state: SafetyState
-    pressures: tuple[float, ...]
-    pressure_stamp: float
+    state: SafetyState  # state after the cycle
+    pressures: tuple[float, ...]  # by muscle [Pa gauge], NaN if not fresh
+    pressure_stamp: float  # wall-clock time of the oldest of them [s], 0 if none is fresh
+    # positions, velocities: by joint [rad], [rad/s], NaN if not fresh
     positions: tuple[float, ...]
     velocities: tuple[float, ...]
-    joint_stamp: float
+    joint_stamp: float  # wall-clock time of the oldest of them [s], 0 if none is fresh
+    # command by muscle as fraction of full scale, including the command to vent; empty if the bus
+    # did not accept it
     sent: tuple[float, ...] = ()
+    # pressure_time, joint_time: the moments of both stamps on the monotonic clock [s]; infinite if
+    # none is fresh
     pressure_time: float = math.inf
     joint_time: float = math.inf
 

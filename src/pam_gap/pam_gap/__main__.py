@@ -21,7 +21,6 @@ from pam_model.argument_types import (
     input_path,
     named_number,
     number,
-    output_folder,
 )
 from pam_model.command_line import (
     Arguments,
@@ -30,9 +29,15 @@ from pam_model.command_line import (
     Outcome,
     Parser,
     Tool,
-    add_rig,
     run_command,
-    start_node,
+)
+from pam_model.common_options import (
+    add_column_map,
+    add_namespace,
+    add_no_progress,
+    add_out,
+    add_rig,
+    add_tolerances,
 )
 from pam_ros.program_name import PROGRAM
 
@@ -41,8 +46,8 @@ if TYPE_CHECKING:
 
 MOVED = {
     "blind": f"{PROGRAM} check blind",
-    "effects": f"{PROGRAM} check effects",
-    "rules": f"{PROGRAM} check rules",
+    "effects": f"{PROGRAM} check pages",
+    "rules": f"{PROGRAM} check pages",
     "close-loop": f"{PROGRAM} demo close-loop",
 }
 
@@ -59,7 +64,7 @@ def _add_recordings(
         help="bag, CSV(.gz), Parquet, NPZ, MAT, HDF5 or JSON; several of one rig may be given",
     )
     add_rig(parser, required=True)
-    parser.add_argument("--out", type=output_folder, required=True, help="folder for the results")
+    add_out(parser)
     parser.add_argument("--joint", help="only this joint")
     for name, text in more:
         parser.add_argument(
@@ -70,12 +75,7 @@ def _add_recordings(
             metavar=metavar,
             help=f"more recordings, {text}",
         )
-    parser.add_argument(
-        "--map",
-        type=input_file,
-        metavar="FILE",
-        help="names, units, scales and signs of the columns of tables (docs/any_log.md)",
-    )
+    add_column_map(parser)
 
 
 def _add_work(parser: Parser, usual: str) -> None:
@@ -87,9 +87,7 @@ def _add_work(parser: Parser, usual: str) -> None:
         metavar="N",
         help=f"simulations at once (default: 0, {usual})",
     )
-    parser.add_argument(
-        "--no-progress", action="store_true", help="show no progress bar, not even on a terminal"
-    )
+    add_no_progress(parser)
 
 
 def _diagnose(given: Arguments) -> Outcome:
@@ -115,6 +113,15 @@ def _declare_diagnose(parser: Parser) -> None:
         default=None,
         metavar="SHARE",
         help="share of the motion below which a gap does not matter (default: 0.001)",
+    )
+    parser.add_argument(
+        "--belief",
+        type=named_number,
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="a cost of an answer or a probability beforehand, such as false_name=3 "
+        "(docs/what_we_believe.md); may be given several times",
     )
     _add_work(parser, "one per processor")
     parser.add_argument(
@@ -154,17 +161,7 @@ def _declare_calibrate(parser: Parser) -> None:
             ("--turned-over", "with the joint mounted upside down (reversed gravity)"),
         ),
     )
-    for option, usual, text in (
-        ("--tolerance", 1.0 / 3.0, "how far a plain number of the rig file may be off, relative"),
-        ("--length-tolerance", 0.05, "the same for lengths, turns and the supply pressure"),
-    ):
-        parser.add_argument(
-            option,
-            type=number("", least=0.0, most=0.5),
-            default=usual,
-            metavar="SHARE",
-            help=f"{text} (default: {usual:.2g})",
-        )
+    add_tolerances(parser)
     _add_work(parser, "one")
 
 
@@ -186,7 +183,7 @@ def _declare_fleet(parser: Parser) -> None:
         metavar="TABLE",
         help="CSV with the columns recording, rig and, where wanted, robot and time",
     )
-    parser.add_argument("--out", type=output_folder, required=True, help="folder for the results")
+    add_out(parser)
     parser.add_argument(
         "--workers",
         type=count(),
@@ -216,12 +213,8 @@ def _declare_fleet(parser: Parser) -> None:
         help="diagnose one recording of each robot in this time in full and only fit the followed "
         "effects on the others, which takes far less time (default: 0, all in full)",
     )
-    parser.add_argument(
-        "--map", type=input_file, metavar="FILE", help="names and units of the columns of tables"
-    )
-    parser.add_argument(
-        "--no-progress", action="store_true", help="show no progress bar, not even on a terminal"
-    )
+    add_column_map(parser)
+    add_no_progress(parser)
 
 
 def _import(given: Arguments) -> Outcome:
@@ -235,7 +228,7 @@ def _declare_import(parser: Parser) -> None:
         "log", type=input_path, metavar="LOG", help="bag, CSV, Parquet, NPZ, MAT, HDF5 or JSON"
     )
     add_rig(parser, required=True)
-    parser.add_argument("--out", type=output_folder, required=True, help="folder for the results")
+    add_out(parser)
     parser.add_argument(
         "--map", type=input_file, metavar="FILE", help="map of the columns (default: propose one)"
     )
@@ -262,13 +255,13 @@ def _declare_compare(parser: Parser) -> None:
         metavar="DIAGNOSIS",
         help="folders of `diagnose` or diagnosis.json files; the first is the reference",
     )
-    parser.add_argument("--out", type=output_folder, required=True, help="folder for compare.html")
+    add_out(parser)
 
 
 def _declare_record(parser: Parser) -> None:
     add_rig(parser, required=True)
-    parser.add_argument("--out", type=output_folder, required=True, help="folder of the recording")
-    parser.add_argument("--namespace", default="", help="of the robot's nodes (default: none)")
+    add_out(parser)
+    add_namespace(parser)
     parser.add_argument(
         "--duration",
         type=number("s", least=0.0),
@@ -409,10 +402,7 @@ TOOL = Tool(
     moved=MOVED,
 )
 
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command and return the exit code."""
-    return TOOL.run(arguments)
+main = TOOL.run
 
 
 def diagnose(arguments: Sequence[str] | None = None) -> int:
@@ -420,14 +410,8 @@ def diagnose(arguments: Sequence[str] | None = None) -> int:
     return run_command(DIAGNOSE, f"{PROGRAM} gap diagnose", arguments)
 
 
-def monitor() -> int:
-    """Entry point of `ros2 run pam_gap pam_monitor`."""
-    return start_node(MONITOR)
-
-
-def play() -> int:
-    """Entry point of `ros2 run pam_gap pam_play`."""
-    return start_node(PLAY)
+monitor = MONITOR.start  # `ros2 run pam_gap pam_monitor`
+play = PLAY.start  # `ros2 run pam_gap pam_play`
 
 
 if __name__ == "__main__":

@@ -229,8 +229,6 @@ def diagnose_subject(
     ----------
     rig : Rig
         The rig as its file describes it.
-    name : str
-        Name of the joint or of the muscle.
     recordings : sequence of Recording
         Recordings without computed channels.
     options : DiagnosisOptions
@@ -296,11 +294,11 @@ def _likelier(
 
     Wrong lengths keep their probability in addition to the causes that are named without them.
     """
-    if loose.lengths is None or loose.answer is None or tight.answer is None:
+    if loose.lengths is None or loose.evidence is None or tight.evidence is None:
         return loose, answer
     if other.verdict not in ("named", "ambiguous"):
         return loose, answer
-    share = probability_of_lengths(tight.judge, loose.answer, loose.lengths, tight.answer)
+    share = probability_of_lengths(tight.evidence, loose.evidence, tight.rules)
     if share > 0.5:
         return loose, answer
     assumed = tight.rig.length_tolerance or 0.0

@@ -23,9 +23,13 @@ from pam_gap.answer.sentences import (
 from pam_gap.answer.write_answer import AnswerForm, advice, not_identifiable
 from pam_gap.experiments.next_experiment import Proposal, propose
 from pam_gap.inference.candidates import Candidate, shown_candidates
-from pam_gap.inference.decide import Verdict, close_calls, decide, judge_of
-from pam_gap.inference.decision import Decision, Judge
-from pam_gap.inference.discrepancy_model import explained_leftover
+from pam_gap.inference.decide import (
+    Verdict,
+    close_calls,
+    cut_off_rivals,
+    decide,
+)
+from pam_gap.inference.discrepancy_model import share_of_a_flexible_law
 from pam_gap.inference.evidence import Evidence
 from pam_gap.inference.excitation import not_shown
 from pam_gap.inference.held_out import (
@@ -38,10 +42,9 @@ from pam_gap.inference.held_out import (
 )
 from pam_gap.inference.hypothesis import FitTask, Hypothesis, HypothesisFitter
 from pam_gap.inference.improved_fit import improved_fit
+from pam_gap.inference.judge import Judge, judge_of
 from pam_gap.inference.loose_lengths import LooseLengths, loose_lengths
-from pam_gap.inference.probabilities import cut_off_rivals
 from pam_gap.inference.unlisted import UnlistedFitter
-from pam_gap.inference.verdict import has_gap
 from pam_gap.prediction.bench_joint import bench_problem
 from pam_gap.prediction.fit import PlantFit
 from pam_gap.prediction.gap_figures import noise_level
@@ -54,8 +57,10 @@ from pam_gap.rules import DEFAULT, Rules
 from pam_gap.search.beginning_first import BeginningFirst, search_of_the_beginning
 from pam_gap.search.candidate_search import Progress, SearchResult, silent
 from pam_gap.search.effect_search import EffectSearch
+from pam_gap.search.growth import has_gap
 from pam_model.rig import Rig
 
+FLEXIBLE = "a law of the motion that the table of effects does not contain"
 NOT_IMPROVED = (
     "No numbers were found with which the simulation is better than with the rig file as written "
     "on data that were not fitted. There is no improved rig file."
@@ -121,10 +126,9 @@ class JointDiagnosis:
         self.folds: Folds = make_folds(self.problem)
         self.present = self.problem.present
         self.motion = squared_motion(self.problem)
-        self.judge = Judge(self.floor, self.present, self.rules.decision, self.motion)
+        self.judge = Judge(self.floor, self.present, self.rules, self.motion)
         self.candidates: Sequence[Candidate] = shown_candidates(self.problem)
         self.evidence: Evidence[HeldOut] | None = None
-        self.answer: HeldOut | None = None
         self.lengths: LooseLengths | None = None
 
     def written(self) -> HeldOut:
@@ -202,13 +206,19 @@ class JointDiagnosis:
     ) -> list[HeldOut]:
         """Held-out scores of causes outside the table, where there is a gap to explain."""
         self.judge.set_floor(scores)
-        if not has_gap(self.judge.level(scores[0]), int(self.present.sum()), self.rules.decision):
+        if not has_gap(self.judge.level(scores[0]), int(self.present.sum()), self.rules.search):
             return []
         self.progress("causes outside the table", 0.9)
         usual = [score for score in scores if score.ordinary]
         best = min(usual, key=self.judge.priced_level, default=scores[0])
         beside = best.hypothesis.only(best.ordinary)
         return UnlistedFitter(self.fitter, self.folds).scores(nominal, singles, beside)
+
+    def flexible(self, nominal: HeldOut) -> HeldOut:
+        """Held-out score of a flexible law of the signals, in place of any law of the table."""
+        errors = nominal.hypothesis.result.errors
+        share = share_of_a_flexible_law(self.problem, self.folds, errors)
+        return replace(nominal, sums=nominal.sums * (1.0 - share), unlisted=FLEXIBLE)
 
     def not_identifiable(self, missing: Sequence[str]) -> Diagnosis:
         """The answer for recordings that do not hold enough; nothing is searched."""
@@ -219,14 +229,14 @@ class JointDiagnosis:
         return not_identifiable(self.fitter, missing, self.written(), location)
 
     def proposal(
-        self, decision: Decision[HeldOut], survivors: Sequence[Hypothesis]
+        self, verdict: Verdict[HeldOut], survivors: Sequence[Hypothesis]
     ) -> Proposal | None:
         """The next experiment, if the verdict leaves something open."""
-        if not self.with_experiment or decision.verdict not in ("ambiguous", "unknown"):
+        if not self.with_experiment or verdict.verdict not in ("ambiguous", "unknown"):
             return None
         self.progress("next experiment", 0.97)
-        if decision.verdict == "unknown":  # the hypotheses that come closest
-            ranked = sorted(decision.tried, key=self.judge.level)
+        if verdict.verdict == "unknown":  # the hypotheses that come closest
+            ranked = sorted(verdict.tried, key=self.judge.level)
             survivors = [s.hypothesis for s in ranked[: self.rules.experiment.closest]]
         return propose(self.fitter, survivors)
 
@@ -265,20 +275,13 @@ class JointDiagnosis:
             )
             evidence = replace(evidence, improved=improved, improved_for=named.label)
         self.evidence = evidence
-        self.answer = evidence.nominal if named is None else named
-        self.lengths = loose_lengths(self.fitter, self.answer.hypothesis)
+        shown = evidence.nominal if named is None else named
+        self.lengths = loose_lengths(self.fitter, shown.hypothesis)
         diagnosis = AnswerForm(self.fitter, self.folds, evidence, verdict).fill(location)
-        proposal = self.proposal(verdict.decision, diagnosis.survivors)
+        proposal = self.proposal(verdict, diagnosis.survivors)
         self.progress("done", 1.0)
         rivals = [
-            score.hypothesis.at_the_end
-            for score in cut_off_rivals(
-                verdict.judge,
-                evidence.nominal,
-                verdict.decision,
-                verdict.probabilities,
-                LEAST_SHOWN,
-            )
+            score.hypothesis.at_the_end for score in cut_off_rivals(evidence, verdict, LEAST_SHOWN)
         ]
         return replace(
             diagnosis,
@@ -311,14 +314,14 @@ class JointDiagnosis:
             tried=tuple(score.with_causes(result.causes) for score in found),
             singles=result.singles,
             stages=location.stages,
-            growth=tuple(result.growth),
             unlisted=tuple(unlisted),
+            flexible=self.flexible(nominal),
         )
         self.progress("verdict", 0.93)
         self.judge = judge_of(evidence, self.rules)
         settled = {
             k: self.settled(evidence.tried[k]).with_causes(result.causes)
-            for k in close_calls(evidence, self.judge)
+            for k in close_calls(evidence, self.rules)
         }
         return replace(evidence, settled=settled), location
 
@@ -326,14 +329,15 @@ class JointDiagnosis:
         self, verdict: Verdict[HeldOut], nominal: HeldOut, started: float
     ) -> dict[str, float]:
         """Figures about the diagnosis itself, for diagnosis.json."""
-        chosen = verdict.decision.chosen
+        chosen = verdict.chosen
         told = verdict.named or nominal
         facts = {
             "level_before": self.judge.level(nominal),
             "level_after": self.judge.level(told),
         }
         if chosen is not None:
-            leftover = explained_leftover(self.problem, self.folds, chosen.hypothesis.result.errors)
+            errors = chosen.hypothesis.result.errors
+            leftover = share_of_a_flexible_law(self.problem, self.folds, errors)
             facts["leftover_explained"] = float(leftover[self.present].max())
         return facts | {
             "seconds": time.monotonic() - started,

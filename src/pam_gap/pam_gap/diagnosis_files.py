@@ -35,6 +35,7 @@ from pam_gap.recordings.recording import (
     Recording,
 )
 from pam_gap.rules import DEFAULT, Rules, changed
+from pam_gap.rules.statement import BY_USER
 from pam_model.command_line import Arguments, Outcome, Progress, progress
 from pam_model.errors import PamError
 from pam_model.names import unknown
@@ -214,6 +215,10 @@ def _rules(given: Arguments) -> Rules:
     rules = DEFAULT
     if given.material is not None:
         rules = changed("decision.material_share", given.material, rules)
+    for name, value in given.belief:
+        if name not in BY_USER:
+            raise PamError(f"--belief {name}={value:g}: {unknown('belief', name, BY_USER)}")
+        rules = changed(f"statement.{name}", value, rules)
     return rules
 
 

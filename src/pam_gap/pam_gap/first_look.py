@@ -37,19 +37,13 @@ CAVEAT = (
 
 @dataclass(frozen=True, slots=True)
 class Resemblance:
-    """What one effect does to the error.
+    """What one effect does to the error."""
 
-    Attributes
-    ----------
-    effect, stage : str
-        Name and stage in `pam_model.effects.EFFECTS`.
-    removes : float
-        Share of the RMS error above the noise that it removes, 0 to 1; the mean over the channels
-        with a gap.
-    """
-
+    # effect, stage: name and stage in `pam_model.effects.EFFECTS`
     effect: str
     stage: str
+    # share of the RMS error above the noise that it removes, 0 to 1; the mean over the channels
+    # with a gap
     removes: float
 
 

@@ -13,8 +13,9 @@ import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from pam_model.command_line import NodeCommand, Tool, start_node
+from pam_model.command_line import NodeCommand, Tool
 from pam_model.commands import catalogue, identify, new_rig, rig_sections, size
+from pam_ros.program_name import PROGRAM
 
 if TYPE_CHECKING:
     from pam_ros.node_help import NodeHelp
@@ -47,17 +48,15 @@ COMMANDS = (
 )
 
 
-TOOL = Tool("model", "Muscle models, rig files, design of joints, and the model node", COMMANDS)
+TOOL = Tool(
+    "model",
+    "Muscle models, rig files, design of joints, and the model node",
+    COMMANDS,
+    moved=dict.fromkeys(("gallery", "effect-tables"), f"{PROGRAM} check pages"),
+)
 
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command and return the exit code."""
-    return TOOL.run(arguments)
-
-
-def model_node() -> int:
-    """Entry point of `ros2 run pam_model pam_model_node`."""
-    return start_node(NODE)
+main = TOOL.run
+model_node = NODE.start  # `ros2 run pam_model pam_model_node`
 
 
 if __name__ == "__main__":

@@ -31,7 +31,6 @@ from enum import Enum
 from pathlib import Path
 from typing import Any, Final, Protocol
 
-from pam_model.argument_types import input_file
 from pam_model.errors import PamError
 from pam_model.linear_algebra_threads import use_one_thread
 from pam_model.names import unknown
@@ -70,20 +69,13 @@ Parser = argparse.ArgumentParser
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """The result of a command.
+    """The result of a command."""
 
-    Attributes
-    ----------
-    document : object
-        The result for --json: mappings, sequences, numbers, text, paths, dataclasses, arrays.
-    bad_news : sequence of str
-        Reasons why --check ends with exit code 1, one line each; empty for good news.
-    interrupted : bool
-        Whether the user ended the command early; the result is that up to this moment.
-    """
-
+    # the result for --json: mappings, sequences, numbers, text, paths, dataclasses, arrays
     document: object
+    # reasons why --check ends with exit code 1, one line each; empty for good news
     bad_news: Sequence[str] = ()
+    # whether the user ended the command early; the result is that up to this moment
     interrupted: bool = False
 
 
@@ -102,22 +94,36 @@ class Command:
 
 @dataclass(frozen=True, slots=True)
 class NodeCommand:
-    """A command that is a ROS node: the arguments after its name are those of the node.
+    """A command that is a ROS node: the arguments after its name are those of the node."""
 
-    Attributes
-    ----------
-    name, summary : str
-        As of a `Command`.
-    run : callable
-        Imports the node and runs it with its arguments; None stands for those of the process.
-    usage : callable
-        Imports what the node's `--help` prints (pam_ros.node_help), and nothing heavy.
-    """
-
+    # name, summary: as of a `Command`
     name: str
     summary: str
+    # imports the node and runs it with its arguments; None stands for those of the process
     run: Callable[[Sequence[str] | None], int]
+    # imports what the node's `--help` prints (pam_ros.node_help), and nothing heavy
     usage: Callable[[], _Usage]
+
+    def start(self, arguments: Sequence[str] | None = None) -> int:
+        """Import and run the node; return its exit code. A package that is missing is one line.
+
+        Parameters
+        ----------
+        arguments : sequence of str, optional
+            Arguments of the node; those of the process by default.
+        """
+        if arguments is None:  # the program itself, not a caller within another one
+            end_at_signals()
+        words = sys.argv[1:] if arguments is None else arguments
+        if not ABOUT.isdisjoint(words):  # before ROS is imported, which takes a second
+            return self.usage().answer(words) or DONE
+        gc.disable()  # what is imported and made stays; the node's main loop enables it
+        try:
+            return self.run(arguments)
+        except ModuleNotFoundError as error:
+            return _code_after(error)
+        finally:
+            gc.enable()
 
 
 class _Usage(Protocol):
@@ -194,7 +200,7 @@ class Tool:
             if isinstance(command, Command):
                 return run_command(command, f"{self.program} {command.name}", given[1:])
             if isinstance(command, NodeCommand):
-                return start_node(command, given[1:])
+                return command.start(given[1:])
             return command.run(given[1:])
         parser = _OneLineParser(prog=self.program, description=f"{self.summary}.")
         parser.add_argument("--version", action=_VersionAction)
@@ -209,30 +215,6 @@ class Tool:
         except SystemExit as end:
             return _code_of(end)
         raise AssertionError("a command that is listed has run")
-
-
-def start_node(node: NodeCommand, arguments: Sequence[str] | None = None) -> int:
-    """Import and run a node, and return its exit code; a package that is missing is one line.
-
-    Parameters
-    ----------
-    node : NodeCommand
-        The node.
-    arguments : sequence of str, optional
-        Arguments of the node; those of the process by default.
-    """
-    if arguments is None:  # the program itself, not a caller within another one
-        end_at_signals()
-    words = sys.argv[1:] if arguments is None else arguments
-    if not ABOUT.isdisjoint(words):  # before ROS is imported, which takes a second
-        return node.usage().answer(words) or DONE
-    gc.disable()  # what is imported and made stays; the node's main loop enables it
-    try:
-        return node.run(arguments)
-    except ModuleNotFoundError as error:
-        return _code_after(error)
-    finally:
-        gc.enable()
 
 
 def _complete(tool: Tool) -> None:
@@ -278,8 +260,6 @@ def run_command(command: Command, program: str, arguments: Sequence[str] | None 
 
     Parameters
     ----------
-    command : Command
-        The command.
     program : str
         What the user types before the arguments.
     arguments : sequence of str, optional
@@ -423,28 +403,5 @@ def progress(total: float, text: str = "", *, wanted: bool = True) -> Iterator[P
         yield Progress(bar)
 
 
-def add_rig(parser: Parser, *, required: bool = False) -> None:
-    """Declare `--rig`; if it is not `required`, `chosen_rig` finds the example by default."""
-    text = "rig file" if required else "rig file (default: the elbow of config/)"
-    parser.add_argument("--rig", type=input_file, required=required, metavar="FILE", help=text)
-
-
-def chosen_rig(given: Arguments) -> Path:
-    """The named rig file, or the example in the source tree or in the colcon installation.
-
-    Raises
-    ------
-    PamError
-        If none was named and the example does not exist.
-    """
-    if given.rig is not None:
-        return Path(given.rig)
-    name = Path("config") / "elbow.yaml"
-    for folder in (Path.cwd(), *Path(__file__).resolve().parents):
-        if (folder / name).is_file():
-            return folder / name
-    for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep):
-        path = Path(prefix) / "share" / "pam_bringup" / name
-        if prefix and path.is_file():
-            return path
-    raise PamError(f"{name}: not found; name a rig file with --rig")
+def no_arguments(_: Parser) -> None:
+    """Declare nothing, for a command without arguments of its own."""

@@ -21,8 +21,6 @@ def unknown(kind: str, name: object, known: Iterable[str]) -> str:
     ----------
     kind : str
         What is looked for, for example "joint".
-    name : object
-        The name that was given.
     known : iterable of str
         The names that exist, of a registry or of a rig file that was checked.
     """

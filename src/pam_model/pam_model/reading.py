@@ -29,8 +29,6 @@ def reading(path: Path | str, expected: str, raised: type[PamError] = PamError) 
         The file, for the message.
     expected : str
         What the file should be, after "not": "a readable table".
-    raised : type of PamError
-        The exception that is raised.
 
     Raises
     ------

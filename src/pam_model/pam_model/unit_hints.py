@@ -47,8 +47,6 @@ def units_that_fit(
     ----------
     value : float
         The number as given.
-    unit : str
-        Expected unit.
     low, high : float
         Range of the quantity in the expected unit.
     scales : mapping

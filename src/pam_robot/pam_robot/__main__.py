@@ -11,7 +11,7 @@ import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from pam_model.command_line import NodeCommand, Tool, start_node
+from pam_model.command_line import NodeCommand, Tool
 
 if TYPE_CHECKING:
     from pam_ros.node_help import NodeHelp
@@ -40,15 +40,8 @@ NODE = NodeCommand(
 COMMANDS = (NODE,)
 TOOL = Tool("robot", "Driver, controller and model of a robot in one process", COMMANDS)
 
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command and return the exit code."""
-    return TOOL.run(arguments)
-
-
-def robot_node() -> int:
-    """Entry point of `ros2 run pam_robot pam_robot_node`."""
-    return start_node(NODE)
+main = TOOL.run
+robot_node = NODE.start  # `ros2 run pam_robot pam_robot_node`
 
 
 if __name__ == "__main__":

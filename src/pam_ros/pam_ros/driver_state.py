@@ -63,13 +63,7 @@ def driver_state_message(
 
 
 def reason_against_commands(message: Any) -> str:
-    """Why the driver takes no commands in the state of this message; empty if it does.
-
-    Parameters
-    ----------
-    message : diagnostic_msgs.msg.DiagnosticStatus
-        The message.
-    """
+    """Why the driver takes no commands in the state of this message; empty if it does."""
     values = _values(message)
     state, reason = plain(values.get("state", "")), plain(values.get("reason", ""), SENTENCE)
     if state in COMMANDABLE:
@@ -78,24 +72,12 @@ def reason_against_commands(message: Any) -> str:
 
 
 def activation_of(message: Any) -> str:
-    """Number of the activation that the message reports; empty if it has none.
-
-    Parameters
-    ----------
-    message : diagnostic_msgs.msg.DiagnosticStatus
-        The message.
-    """
+    """Number of the activation that the message reports; empty if it has none."""
     return _values(message).get("activation", "")
 
 
 def permits_full_speed(message: Any) -> bool:
-    """Whether the message says that full speed is permitted; one that does not say it, does not.
-
-    Parameters
-    ----------
-    message : diagnostic_msgs.msg.DiagnosticStatus
-        The message.
-    """
+    """Whether the message says that full speed is permitted; one that does not say it, does not."""
     return _values(message).get("speed") == FULL
 
 

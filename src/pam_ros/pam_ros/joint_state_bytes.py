@@ -148,8 +148,6 @@ class JointStateWriter:
         ----------
         nanoseconds : int
             The stamp, since 1970 [ns].
-        names : tuple of str
-            Names.
         position, velocity, effort : sequence of float, optional
             The numbers.
         """

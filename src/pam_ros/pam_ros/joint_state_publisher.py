@@ -29,8 +29,6 @@ class Audience:
 
     Parameters
     ----------
-    publisher : rclpy.publisher.Publisher
-        The publisher.
     besides : int, optional
         Number of subscriptions that do not count.
     """

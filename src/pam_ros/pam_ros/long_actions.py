@@ -32,12 +32,6 @@ class LongActions(ActionServer):  # type: ignore[misc]
 
     Parameters
     ----------
-    node : rclpy.node.Node
-        The node.
-    action_type : type
-        The action.
-    name : str
-        Name of the action.
     begin : callable
         Called with the handle of each new goal, after it was accepted.
     cancel : callable

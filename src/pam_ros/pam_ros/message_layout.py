@@ -47,8 +47,6 @@ def check_layout(data: bytes, kind: Any) -> None:
     ----------
     data : bytes
         The message as it was received; bytes after its end are padding.
-    kind : type
-        Its type.
 
     Raises
     ------

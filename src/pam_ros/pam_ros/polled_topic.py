@@ -32,8 +32,6 @@ class PolledTopic:
     ----------
     node : rclpy.node.Node
         Makes the subscription.
-    message_type : type
-        Of the messages.
     topic : str
         Name of the topic.
     take : callable

@@ -29,8 +29,6 @@ class SlowWork:
 
     Parameters
     ----------
-    name : str
-        Of the thread.
     timers : SteadyTimers
         Timers of the node, which hand the results over.
     """

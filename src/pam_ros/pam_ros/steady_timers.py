@@ -106,7 +106,7 @@ def turns(
     Exception
         What a callback raised, also one whose caller swallows it, see `pam_ros.unforeseen`.
     """
-    gc.enable()  # it is off while a program starts (`pam_model.command_line.start_node`)
+    gc.enable()  # it is off while a program starts (`pam_model.command_line.NodeCommand`)
     for node in executor.get_nodes():
         guard_callbacks(node)
     with _kept_awake(executor):

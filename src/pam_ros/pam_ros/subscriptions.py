@@ -103,11 +103,6 @@ class GuardedTopic:
 class MalformedMessages:
     """Reports the malformed messages of one node, in its log and in `/diagnostics`.
 
-    Parameters
-    ----------
-    node : rclpy.node.Node
-        The node.
-
     Attributes
     ----------
     topics : list of GuardedTopic
@@ -173,13 +168,7 @@ _OF_NODES: WeakKeyDictionary[Any, MalformedMessages] = WeakKeyDictionary()
 
 
 def malformed_messages(node: Any) -> MalformedMessages:
-    """What a node has received that was malformed.
-
-    Parameters
-    ----------
-    node : rclpy.node.Node
-        The node.
-    """
+    """What a node has received that was malformed."""
     if node not in _OF_NODES:
         _OF_NODES[node] = MalformedMessages(node)
     return _OF_NODES[node]

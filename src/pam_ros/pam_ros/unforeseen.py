@@ -37,8 +37,6 @@ def tell_unforeseen(logger: Any, error: BaseException, done: str = "the node end
     ----------
     logger : rclpy logger
         That of the node.
-    error : BaseException
-        The exception.
     done : str, optional
         What the node does about it.
     """

@@ -180,17 +180,11 @@ class ValveCommandFormat:
 
 
 class CommandsOfAnyKind(NamedTuple):
-    """The commands of a message for muscles whose kind of valve is unknown.
+    """The commands of a message for muscles whose kind of valve is unknown."""
 
-    Attributes
-    ----------
-    values : dict of str to float
-        Muscle -> the finite number, for muscles that have one in exactly one field.
-    ambiguous : tuple of str
-        Muscles with a finite number in both fields, which no valve accepts; not in `values`.
-    """
-
+    # muscle -> the finite number, for muscles that have one in exactly one field
     values: dict[str, float]
+    # muscles with a finite number in both fields, which no valve accepts; not in `values`
     ambiguous: tuple[str, ...]
 
 

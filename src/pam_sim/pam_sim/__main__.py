@@ -14,16 +14,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from pam_model.argument_types import count, input_file, named_number, number
-from pam_model.command_line import (
-    Arguments,
-    Command,
-    NodeCommand,
-    Outcome,
-    Parser,
-    Tool,
-    add_rig,
-    start_node,
-)
+from pam_model.command_line import Arguments, Command, NodeCommand, Outcome, Parser, Tool
+from pam_model.common_options import add_bus, add_dbc, add_rig
 
 if TYPE_CHECKING:
     from pam_ros.node_help import NodeHelp
@@ -55,10 +47,8 @@ def _declare_rig(parser: Parser) -> None:
         metavar="[NAME.]EFFECT.PARAMETER=VALUE",
         help="an effect in the plant, such as coulomb_friction.torque=0.5; may be repeated",
     )
-    add("--interface", help="python-can's interface (default: socketcan)")
-    add("--channel", help="python-can's channel (default: can0)")
-    add("--port", type=count(1, 65535), help="UDP port, used by udp_multicast only")
-    add("--dbc", type=input_file, metavar="FILE", help="CAN database (default: the driver's own)")
+    add_bus(parser)
+    add_dbc(parser)
     add(
         "--firmware",
         type=input_file,
@@ -124,15 +114,8 @@ COMMANDS = (
 )
 TOOL = Tool("sim", "A simulated rig with valve boards, as a program and as a node", COMMANDS)
 
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command and return the exit code."""
-    return TOOL.run(arguments)
-
-
-def rig_node() -> int:
-    """Entry point of `ros2 run pam_sim pam_rig`."""
-    return start_node(NODE)
+main = TOOL.run
+rig_node = NODE.start  # `ros2 run pam_sim pam_rig`
 
 
 if __name__ == "__main__":

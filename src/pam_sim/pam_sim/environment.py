@@ -68,8 +68,6 @@ class PamVectorEnv(gym.vector.VectorEnv[Array, Array, Any]):
     ----------
     rig : Rig
         The robot with its effects.
-    num_envs : int
-        Number of robots.
     task : EpisodeTask, optional
         What is asked for.
     randomisation : Randomisation, optional

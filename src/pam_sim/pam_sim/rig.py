@@ -30,8 +30,6 @@ def parse_effects(texts: Sequence[str], source: str) -> dict[str, float]:
 
     Parameters
     ----------
-    texts : sequence of str
-        The pairs.
     source : str
         The option or parameter that contains them, for the message.
 

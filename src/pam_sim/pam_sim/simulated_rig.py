@@ -33,26 +33,18 @@ FULLEST_CATCH_UP = 1.0  # s; after a longer pause of the host, the rest of the t
 
 @dataclass(frozen=True, slots=True)
 class GroundTruth:
-    """The true state, in the rig's order.
+    """The true state, in the rig's order."""
 
-    Attributes
-    ----------
-    positions, velocities, torques : lists of float
-        By joint [rad], [rad/s], [N m].
-    pressures, lengths, speeds, forces : lists of float
-        By muscle [Pa gauge], [m], [m/s], [N].
-    supply_pressure : float
-        Supply pressure at the valves [Pa absolute].
-    """
-
+    # positions, velocities, torques: by joint [rad], [rad/s], [N m]
     positions: list[float]
     velocities: list[float]
     torques: list[float]
+    # pressures, lengths, speeds, forces: by muscle [Pa gauge], [m], [m/s], [N]
     pressures: list[float]
     lengths: list[float]
     speeds: list[float]
     forces: list[float]
-    supply_pressure: float
+    supply_pressure: float  # supply pressure at the valves [Pa absolute]
 
 
 class SimulatedRig:

@@ -38,8 +38,6 @@ def plots_of(rig: Rig, joint: Joint, prefix: str = "") -> tuple[Plot, ...]:
     ----------
     rig : Rig
         The robot.
-    joint : Joint
-        One of its joints.
     prefix : str, optional
         Namespace of the robot, with a leading slash.
     """

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from pam_bringup.layouts.foxglove import foxglove_layout
 from pam_bringup.layouts.plotjuggler import plotjuggler_layout
-from pam_model.command_line import Arguments, Outcome, chosen_rig
+from pam_model.command_line import Arguments, Outcome
+from pam_model.common_options import chosen_rig
 from pam_model.rig import load_rig
 
 FILES = {"foxglove.json": foxglove_layout, "plotjuggler.xml": plotjuggler_layout}

@@ -8,10 +8,11 @@ from pathlib import Path
 import rclpy
 from rclpy.node import Node
 
-from pam_bringup.security.policy import POLICY, rights_of
+from pam_bringup.security.policy import NODES, rights_of
 from pam_demo.chain import Chain, multicast_bus, private_domain, set_environment
 from pam_demo.programs import MODULES
-from pam_model.command_line import Arguments, Outcome, chosen_rig
+from pam_model.command_line import Arguments, Outcome
+from pam_model.common_options import chosen_rig
 from pam_model.rig import Rig, load_rig
 from pam_ros.start import start_ros
 
@@ -64,8 +65,8 @@ def differences(rig_path: Path) -> list[str]:
 
 def _compare(node: Node, rig: Rig) -> list[str]:
     present = set(node.get_node_names())
-    lines = [f"{name}: does not run" for name in POLICY if name not in present]
-    for name in POLICY:
+    lines = [f"{name}: does not run" for name in NODES if name not in present]
+    for name in NODES:
         if name not in present:
             continue
         used, allowed = used_by(node, name), rights_of(name, rig)

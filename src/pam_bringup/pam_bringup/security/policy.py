@@ -1,4 +1,4 @@
-"""The topics and services that each node may use, as data and as an SROS 2 policy file.
+"""The topics and services that each node may use, as an SROS 2 policy file.
 
 `pam bringup security config/security_policy.xml` writes the policy (schema 0.2.0 of sros2).
 docs/security.md explains how to enable it. `pam bringup security-check` compares it with
@@ -8,15 +8,21 @@ what running nodes really use.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from typing import Final
 from xml.etree import ElementTree
 
+from pam_control.controller_help import HELP as CONTROLLER
 from pam_driver.boards.protocol import EMERGENCY_STOP, ENABLING_SWITCH
+from pam_driver.driver_parameters import HELP as DRIVER
 from pam_driver.driver_parameters import PEOPLE_TOPICS
 from pam_driver.safety.people_inputs import FULL_SPEED
 from pam_model.argument_types import make_parents
-from pam_model.command_line import Arguments, Outcome, chosen_rig
+from pam_model.command_line import Arguments, Outcome
+from pam_model.common_options import chosen_rig
+from pam_model.model_help import HELP as MODEL
 from pam_model.rig import Rig, load_rig
+from pam_ros.node_help import NodeHelp
+from pam_sim.rig_help import HELP as SIMULATED_RIG
 
 # Topics and services that ROS gives to every node; `~` is the node's own name.
 _COMMON_PUBLISHES = ("rosout", "parameter_events")
@@ -36,86 +42,48 @@ _LIFECYCLE_SERVES = tuple(
 )  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
-class Rights:
-    """Permissions of one node; names have no leading slash, `{muscle}` stands for each muscle.
-
-    Attributes
-    ----------
-    publishes, subscribes, serves, calls : tuple of str
-        Names in addition to those of every node.
-    actions : tuple of str
-        Actions that the node may serve; it has them where their packages are installed.
-    """
-
-    publishes: tuple[str, ...] = ()
-    subscribes: tuple[str, ...] = ()
-    serves: tuple[str, ...] = ()
-    calls: tuple[str, ...] = ()
-    actions: tuple[str, ...] = ()
-
-
-POLICY: Mapping[str, Rights] = {
-    "pam_driver": Rights(
-        publishes=(
-            "pressure_states", "joint_states", "sent_valve_commands", "{muscle}/pressure",
-            "diagnostics", "~/transition_event", "~/state", "~/lamp",
-        ),
-        subscribes=("valve_commands",),
-        serves=("~/vent", "~/clear_faults", *_LIFECYCLE_SERVES),
-    ),
-    "pam_controller": Rights(
-        publishes=("valve_commands", "~/reference", "~/error", "~/disturbance", "diagnostics"),
-        subscribes=(
-            "~/joint_trajectory", "~/commands", "~/stiffness_commands", "~/torque_commands",
-            "joint_states", "pressure_states", "pam_driver/state",
-        ),
-        serves=("~/stop", "~/lower", "~/save_adapted_rig"),
-        actions=("~/follow_joint_trajectory",),
-        calls=("pam_driver/vent",),
-    ),
-    "pam_model": Rights(
-        publishes=("muscle_states", "joint_estimates", "joint_stiffness", "diagnostics"),
-        subscribes=("pressure_states", "joint_states"),
-    ),
-    "pam_rig": Rights(
-        publishes=(
-            "ground_truth/joint_states", "ground_truth/muscle_states",
-            "ground_truth/pressure_states", "ground_truth/supply_pressure", "diagnostics",
-        ),
-        subscribes=("~/inject_fault",),
-        serves=("~/mend_faults",),
-    ),
-}  # fmt: skip
+NODES: Final[Mapping[str, NodeHelp]] = {
+    "pam_driver": DRIVER,
+    "pam_controller": CONTROLLER,
+    "pam_model": MODEL,
+    "pam_rig": SIMULATED_RIG,
+}
+"""What each node publishes, subscribes to and serves, as its `--help` says."""
+_ACTION: Final = "action "
 
 
 def rights_of(node: str, rig: Rig) -> dict[str, set[str]]:
     """Full names by kind: "publish", "subscribe", "reply", "request", "execute" of an action."""
-    rights, muscles = POLICY[node], rig.muscle_names
-    subscribes = set(rights.subscribes)
+    told = NODES[node]
+    publishes = {one.name for one in told.publishes} | set(_COMMON_PUBLISHES)
+    subscribes = {one.name for one in told.subscribes}
+    serves = {one.name for one in told.serves if not one.kind.startswith(_ACTION)}
+    serves |= set(_COMMON_SERVES)
     if node == "pam_driver":
         wanted = {
             EMERGENCY_STOP: rig.people.emergency_stop_topic,
             ENABLING_SWITCH: rig.people.enabling_switch_topic,
             FULL_SPEED: rig.people.full_speed_topic,
         }
-        subscribes |= {topic for name, topic in PEOPLE_TOPICS.items() if wanted[name]}
-    publishes = {*rights.publishes, *_COMMON_PUBLISHES, "parameter_events"}
-    serves = {*rights.serves, *_COMMON_SERVES, "~/get_type_description"}
+        subscribes -= {topic for name, topic in PEOPLE_TOPICS.items() if not wanted[name]}
+        publishes.add("~/transition_event")
+        serves |= set(_LIFECYCLE_SERVES)
 
     def full(names: set[str]) -> set[str]:
-        found = set()
-        for name in names:
-            many = [name.format(muscle=muscle) for muscle in muscles] if "{" in name else [name]
-            found |= {f"/{one.replace('~', node)}" for one in many}
-        return found
+        of_all = {
+            name.replace("<muscle>", muscle).replace("~", node).lstrip("/")
+            for name in names
+            for muscle in rig.muscle_names
+        }
+        return {f"/{name}" for name in of_all}
 
     return {
         "publish": full(publishes),
         "subscribe": full(subscribes),
         "reply": full(serves),
-        "request": full(set(rights.calls)),
-        "execute": full(set(rights.actions)),
+        "request": full({"pam_driver/vent"} if node == "pam_controller" else set()),
+        # the node has it where the package of the action is installed
+        "execute": full({one.name for one in told.serves if one.kind.startswith(_ACTION)}),
     }
 
 
@@ -123,7 +91,7 @@ def policy_xml(rig: Rig) -> str:
     """The policy file: an enclave for each process, a profile for each node."""
     root = ElementTree.Element("policy", version="0.2.0")
     enclaves = ElementTree.SubElement(root, "enclaves")
-    for node in POLICY:
+    for node in NODES:
         enclave = ElementTree.SubElement(enclaves, "enclave", path=f"/{node}")
         profiles = ElementTree.SubElement(enclave, "profiles")
         profile = ElementTree.SubElement(profiles, "profile", ns="/", node=node)

@@ -62,8 +62,6 @@ def arm_strokes(
 
     Parameters
     ----------
-    robot : Robot
-        The robot.
     joint : int
         Place of the joint in the rig file.
     position : float

@@ -40,8 +40,6 @@ class FollowTrajectory:
     ----------
     node : rclpy.node.Node
         The controller's node.
-    timers : SteadyTimers
-        Its timers.
     controller : Controller
         Follows the trajectories.
     intake : CommandIntake

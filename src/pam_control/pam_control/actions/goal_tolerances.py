@@ -50,18 +50,10 @@ class GoalError(CommandError):
 
 @dataclass(frozen=True, slots=True)
 class Tolerance:
-    """Largest deviation of a joint; infinite where there is no limit.
+    """Largest deviation of a joint; infinite where there is no limit."""
 
-    Attributes
-    ----------
-    position : float
-        [rad].
-    velocity : float
-        [rad/s].
-    """
-
-    position: float = math.inf
-    velocity: float = math.inf
+    position: float = math.inf  # [rad]
+    velocity: float = math.inf  # [rad/s]
 
 
 class NamedTolerance(Protocol):
@@ -106,19 +98,12 @@ def joint_tolerances(joint: str) -> tuple[Declared, ...]:
 
 @dataclass(frozen=True, slots=True)
 class GoalTolerances:
-    """All tolerances of one goal.
+    """All tolerances of one goal."""
 
-    Attributes
-    ----------
-    path, goal : mapping of str to Tolerance
-        On the way and at the end, by joint.
-    goal_time : float
-        How long after the end of the trajectory the goal may take to be reached [s].
-    """
-
+    # path, goal: on the way and at the end, by joint
     path: Mapping[str, Tolerance]
     goal: Mapping[str, Tolerance]
-    goal_time: float
+    goal_time: float  # how long after the end of the trajectory the goal may take to be reached [s]
 
 
 def goal_tolerances(

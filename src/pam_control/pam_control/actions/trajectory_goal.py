@@ -25,21 +25,11 @@ _REPLACED_BY = {
 
 @dataclass(frozen=True, slots=True)
 class GoalOutcome:
-    """The end of a goal.
+    """The end of a goal."""
 
-    Attributes
-    ----------
-    code : GoalCode
-        The result.
-    text : str
-        The reason, for people.
-    reached : bool
-        Whether the goal was reached; otherwise it is aborted.
-    """
-
-    code: GoalCode
-    text: str
-    reached: bool = False
+    code: GoalCode  # the result
+    text: str  # the reason, for people
+    reached: bool = False  # whether the goal was reached; otherwise it is aborted
 
 
 class TrajectoryGoal:

@@ -81,25 +81,16 @@ FITTED, FOLLOWED, BOUND, WANTED, SIDE, N_ROWS = range(6)
 
 @dataclass(frozen=True, slots=True)
 class Rival:
-    """One explanation.
+    """One explanation."""
 
-    Attributes
-    ----------
-    functions : tuple of int
-        Numbers of its functions.
-    log_odds : float
-        Logarithm of its probability before anything was seen, up to a constant that is common to
-        all rivals [-].
-    better : float
-        Squared errors of the best ordinary rival over its own, at least, for it to take part [-]; 1
-        for an ordinary one. The evidence alone would prefer it for any trifle that all rivals lack.
-    exact : bool
-        Whether its functions are those of the law itself, and do not only resemble it.
-    """
-
-    functions: tuple[int, ...]
+    functions: tuple[int, ...]  # numbers of its functions
+    # logarithm of its probability before anything was seen, up to a constant that is common to all
+    # rivals [-]
     log_odds: float
+    # Squared errors of the best ordinary rival over its own, at least, for it to take part [-]; 1
+    # for an ordinary one. The evidence alone would prefer it for any trifle that all rivals lack.
     better: float = 1.0
+    # whether its functions are those of the law itself, and do not only resemble it
     exact: bool = True
 
 

@@ -56,18 +56,10 @@ FITTED, SOLUTION, PENALTY, DOUBT, WANTED, ALONE, MOVED, N_ROWS = range(8)
 
 @dataclass(frozen=True, slots=True)
 class Suspect:
-    """When the last function of a fit is used.
+    """When the last function of a fit is used."""
 
-    Attributes
-    ----------
-    least : float
-        Least absolute weight; smaller ones are not believed.
-    better : float
-        Squared errors without it over those with it, at least [-].
-    """
-
-    least: float
-    better: float
+    least: float  # least absolute weight; smaller ones are not believed
+    better: float  # squared errors without it over those with it, at least [-]
 
 
 def solve_with_or_without_suspect(

@@ -36,38 +36,25 @@ DRY_FRICTION: Final = "coulomb_friction.torque"
 
 
 class Place(NamedTuple):
-    """Where a number is written.
+    """Where a number is written."""
 
-    Attributes
-    ----------
-    owner, key : str
-        A joint's or a muscle's name, and the key there; "coulomb_friction.torque" is an effect.
-    written : float
-        In the key's unit.
-    scale : float
-        What a change of the fit is relative to, in the same unit.
-    """
-
+    # owner, key: a joint's or a muscle's name, and the key there; "coulomb_friction.torque" is an
+    # effect
     owner: str
     key: str
-    written: float
-    scale: float
+    written: float  # in the key's unit
+    scale: float  # what a change of the fit is relative to, in the same unit
 
 
 @dataclass(frozen=True, slots=True)
 class LearntNumber:
-    """One number of the rig file, and its interval that contains the true one in 90 % of cases.
+    """One number of the rig file, and its interval that contains the true one in 90 % of cases."""
 
-    Attributes
-    ----------
-    owner, key : str
-        A joint's or a muscle's name, and the key there; "coulomb_friction.torque" is an effect.
-    written, value, low, high : float
-        In the key's unit.
-    """
-
+    # owner, key: a joint's or a muscle's name, and the key there; "coulomb_friction.torque" is an
+    # effect
     owner: str
     key: str
+    # written, value, low, high: in the key's unit
     written: float
     value: float
     low: float
@@ -76,31 +63,22 @@ class LearntNumber:
 
 @dataclass(frozen=True, slots=True)
 class RigNumbers:
-    """What the torques of a joint tell about the numbers of its rig file.
-
-    Attributes
-    ----------
-    numbers : tuple of LearntNumber
-        The dimensions of the joint and its muscles, inertia, viscous friction, gravity and dry
-        friction.
-    seconds : float
-        Motion that they are based on [s].
-    unexplained, limit : float
-        RMS torque that they leave, and the most that lets them be believed [N m].
-    evidence : float
-        By how much they explain the torques better than the rig file does, in squares of standard
-        deviations; what has no cause in the rig gives about the number of numbers.
-    """
+    """What the torques of a joint tell about the numbers of its rig file."""
 
     @property
     def certain(self) -> bool:
         """Whether the rig file is certainly wrong."""
         return self.evidence >= LEAST_EVIDENCE
 
+    # the dimensions of the joint and its muscles, inertia, viscous friction, gravity and dry
+    # friction
     numbers: tuple[LearntNumber, ...]
-    seconds: float
+    seconds: float  # motion that they are based on [s]
+    # unexplained, limit: RMS torque that they leave, and the most that lets them be believed [N m]
     unexplained: float
     limit: float
+    # by how much they explain the torques better than the rig file does, in squares of standard
+    # deviations; what has no cause in the rig gives about the number of numbers
     evidence: float
 
 

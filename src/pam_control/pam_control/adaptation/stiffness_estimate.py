@@ -71,20 +71,13 @@ ENOUGH: Final = 1.0  # s of motion
 
 @dataclass(frozen=True, slots=True)
 class Stiffness:
-    """The stiffness of a joint [N m/rad], with the interval that contains it in 90 % of cases.
+    """The stiffness of a joint [N m/rad], with the interval that contains it in 90 % of cases."""
 
-    Attributes
-    ----------
-    value, low, high : float
-        [N m/rad].
-    learnt : bool
-        Whether it is corrected; otherwise it is that of the model.
-    """
-
+    # value, low, high: [N m/rad]
     value: float
     low: float
     high: float
-    learnt: bool
+    learnt: bool  # whether it is corrected; otherwise it is that of the model
 
 
 class StiffnessEstimate:
@@ -96,8 +89,6 @@ class StiffnessEstimate:
         The joint, and its statics with changed numbers.
     model : JointStatics
         The joint's model.
-    dynamics : InverseDynamics
-        Of the joint.
     largest : float
         Torque that the muscles can give at most [N m].
     turn : float, optional

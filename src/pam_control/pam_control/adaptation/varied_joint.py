@@ -52,15 +52,7 @@ class VariedJoint(Protocol):
 
 
 class JointOfRig:
-    """A joint of a rig file.
-
-    Parameters
-    ----------
-    rig : Rig
-        The rig file.
-    joint : Joint
-        One of its joints.
-    """
+    """A joint of a rig file."""
 
     def __init__(self, rig: Rig, joint: Joint) -> None:
         # of one joint alone, because the models with changed numbers are built in a control cycle

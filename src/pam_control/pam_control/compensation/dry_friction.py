@@ -41,18 +41,11 @@ LEAST_PRESLIDING = 5e-4  # rad; the pressures cannot jump as a rigid contact doe
 
 @dataclass(frozen=True, slots=True)
 class JointFriction:
-    """All dry friction of one joint.
+    """All dry friction of one joint."""
 
-    Attributes
-    ----------
-    laws : tuple of callable
-        Each gives a magnitude [N m] at a joint velocity [rad/s].
-    presliding : float
-        q_p, of the softest contact [rad].
-    """
-
+    # each gives a magnitude [N m] at a joint velocity [rad/s]
     laws: tuple[Callable[[float], float], ...] = ()
-    presliding: float = LEAST_PRESLIDING
+    presliding: float = LEAST_PRESLIDING  # q_p, of the softest contact [rad]
 
     @classmethod
     def from_joint(cls, joint: RobotJoint) -> JointFriction:

@@ -29,16 +29,10 @@ class ControlCycle:
 
     Parameters
     ----------
-    joints : sequence of JointModels
-        All joints of the robot.
     reservoir : SupplyReservoir
         From which all valves draw.
-    law : Law
-        The control law.
     setups : sequence of JointSetup
         What is in force for each joint at the start.
-    references : ReferenceGenerator
-        Of all joints.
 
     Attributes
     ----------

@@ -69,12 +69,8 @@ class JointChannel:
     ----------
     models : JointModels
         What holds for the joint.
-    loops : tuple of MuscleLoop
-        Of its muscles.
     setup : JointSetup
         What is in force at the start.
-    rows : CycleRows
-        Of all joints.
     state
         Of its control law.
 

@@ -138,8 +138,6 @@ class PressureLoops:
     ----------
     robot : Robot
         Gives gas, supply, valves and the constants of its joints.
-    joints : sequence of JointModels
-        The models of all joints.
     table : MuscleTable
         The muscle of each row, and its joint.
     reservoir : SupplyReservoir

@@ -42,36 +42,18 @@ Real = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class DesignTask:
-    """All that determines the gains of one joint; joints with equal tasks get equal gains.
+    """All that determines the gains of one joint; joints with equal tasks get equal gains."""
 
-    Attributes
-    ----------
-    cases : tuple of LoopCase
-        The loops at the operating points.
-    timing : LoopTiming
-        The loop's delays.
-    phase_margin : float
-        Minimum at any operating point [rad].
-    sensitivity : float
-        Maximum |S| at any frequency and operating point [-].
-    derivative_filter : float
-        Time constant [s].
-    band : (float, float)
-        Frequency band of the references [Hz].
-    unknown_delay : float or None
-        With a disturbance observer: the part of the transport delay that is assumed, which may
-        just as well be in one of the measurements alone [s]. None: without an observer.
-    lead : float
-        Time constant of the lead on the derivative, which the designed gains have [s].
-    """
-
-    cases: tuple[LoopCase, ...]
-    timing: LoopTiming
-    phase_margin: float
-    sensitivity: float
-    derivative_filter: float
-    band: tuple[float, float] = TRACKING_BAND
+    cases: tuple[LoopCase, ...]  # the loops at the operating points
+    timing: LoopTiming  # the loop's delays
+    phase_margin: float  # minimum at any operating point [rad]
+    sensitivity: float  # maximum |S| at any frequency and operating point [-]
+    derivative_filter: float  # time constant [s]
+    band: tuple[float, float] = TRACKING_BAND  # frequency band of the references [Hz]
+    # With a disturbance observer: the part of the transport delay that is assumed, which may just
+    # as well be in one of the measurements alone [s]. None: without an observer.
     unknown_delay: float | None = None
+    # time constant of the lead on the derivative, which the designed gains have [s]
     lead: float = 0.0
 
 

@@ -22,18 +22,11 @@ from pam_control.feedback.pid import G_FILTER, G_LEAD, N_GAINS, PidGains
 
 @dataclass(frozen=True, slots=True)
 class GainSchedule:
-    """Gains at increasing stiffnesses.
+    """Gains at increasing stiffnesses."""
 
-    Attributes
-    ----------
-    stiffnesses : tuple of float
-        (n,), increasing; of the model, at which the gains were designed [N m/rad].
-    gains : tuple of PidGains
-        (n,). They share their filter.
-    """
-
+    # (n,), increasing; of the model, at which the gains were designed [N m/rad]
     stiffnesses: tuple[float, ...]
-    gains: tuple[PidGains, ...]
+    gains: tuple[PidGains, ...]  # (n,). They share their filter.
 
     @classmethod
     def constant(cls, gains: PidGains) -> GainSchedule:

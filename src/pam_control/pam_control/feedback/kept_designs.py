@@ -69,24 +69,15 @@ def user_cache_folder(environment: Mapping[str, str] = os.environ) -> Path | Non
 
 @dataclasses.dataclass(slots=True)
 class DesignReport:
-    """Summary of the requested designs.
+    """Summary of the requested designs."""
 
-    Attributes
-    ----------
-    designed, shared, read : int
-        Number of designs, one for each joint and stiffness, that were made anew, taken from an
-        equal joint, or read from disk.
-    seconds : float
-        Total time [s].
-    problem : str
-        Why designs cannot be stored on disk; empty if they can.
-    """
-
+    # designed, shared, read: number of designs, one for each joint and stiffness, that were made
+    # anew, taken from an equal joint, or read from disk
     designed: int = 0
     shared: int = 0
     read: int = 0
-    seconds: float = 0.0
-    problem: str = ""
+    seconds: float = 0.0  # total time [s]
+    problem: str = ""  # why designs cannot be stored on disk; empty if they can
 
     def __str__(self) -> str:
         """One line for a log."""

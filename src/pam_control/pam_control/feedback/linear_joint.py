@@ -29,37 +29,20 @@ Complex = npt.NDArray[np.complex128]
 
 @dataclass(frozen=True, slots=True)
 class LoopTiming:
-    """Delays and lags between a measurement and its effect.
+    """Delays and lags between a measurement and its effect."""
 
-    Attributes
-    ----------
-    period : float
-        Period of the control loop [s]; half of it counts as delay (zero-order hold).
-    transport_delay : float
-        From the sensor's sample to the valve [s].
-    valve_time_constant : float
-        tau [s].
-    lead_ratio : float
-        alpha: share of the valve's lag that remains after lead compensation [-]; 1: none.
-    velocity_filter : float
-        Tf, filter time constant of a measured velocity [s].
-    regulated : bool
-        The valves are pressure regulators: pi = exp(-T s)/(tau^2 s^2 + 2 zeta tau s + 1) of its
-        reference.
-    position_delay : float
-        Additional delay of a measured position compared with a measured pressure [s].
-    valve_damping : float
-        zeta of regulators [-].
-    """
-
-    period: float
-    transport_delay: float
-    valve_time_constant: float
+    period: float  # period of the control loop [s]; half of it counts as delay (zero-order hold)
+    transport_delay: float  # from the sensor's sample to the valve [s]
+    valve_time_constant: float  # tau [s]
+    # alpha: share of the valve's lag that remains after lead compensation [-]; 1: none
     lead_ratio: float
-    velocity_filter: float
+    velocity_filter: float  # tf, filter time constant of a measured velocity [s]
+    # the valves are pressure regulators: pi = exp(-T s)/(tau^2 s^2 + 2 zeta tau s + 1) of its
+    # reference
     regulated: bool = False
+    # additional delay of a measured position compared with a measured pressure [s]
     position_delay: float = 0.0
-    valve_damping: float = 1.0
+    valve_damping: float = 1.0  # zeta of regulators [-]
 
     @property
     def delay(self) -> float:
@@ -74,24 +57,12 @@ class LoopTiming:
 
 @dataclass(frozen=True, slots=True)
 class LoopStructure:
-    """How a control law is connected to the pressure loops.
+    """How a control law is connected to the pressure loops."""
 
-    Attributes
-    ----------
-    pressure_gain : float
-        k [1/s].
-    input : tuple of float
-        ga, gb, ... [Pa per unit of output].
-    position_feedback : tuple of float
-        ha, hb, ... [Pa/rad]; by default 0 for each muscle.
-    measured_velocity : bool
-        Whether the dV/dt feedforward uses the measured velocity.
-    """
-
-    pressure_gain: float
-    input: PerMuscle
-    position_feedback: PerMuscle = ()
-    measured_velocity: bool = False
+    pressure_gain: float  # k [1/s]
+    input: PerMuscle  # ga, gb, ... [Pa per unit of output]
+    position_feedback: PerMuscle = ()  # ha, hb, ... [Pa/rad]; by default 0 for each muscle
+    measured_velocity: bool = False  # whether the dV/dt feedforward uses the measured velocity
 
     def __post_init__(self) -> None:
         """Let the default be that of as many muscles as there are."""

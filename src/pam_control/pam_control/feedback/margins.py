@@ -47,21 +47,12 @@ class ControlDesignError(PamError):
 
 @dataclass(frozen=True, slots=True)
 class LoopCase:
-    """One operating point, and how the control law is connected there.
+    """One operating point, and how the control law is connected there."""
 
-    Attributes
-    ----------
-    point : OperatingPoint
-        The equilibrium.
-    loop : LoopStructure
-        The connection.
-    scheduled : float
-        Stiffness by which the gains are scheduled there [N m/rad]: the asked one, which gravity or
-        the pressures may not allow. 0 for a law whose gains are not scheduled.
-    """
-
-    point: OperatingPoint
-    loop: LoopStructure
+    point: OperatingPoint  # the equilibrium
+    loop: LoopStructure  # the connection
+    # stiffness by which the gains are scheduled there [N m/rad]: the asked one, which gravity or
+    # the pressures may not allow. 0 for a law whose gains are not scheduled
     scheduled: float = 0.0
 
 
@@ -76,31 +67,19 @@ class LoopMargins(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Margins:
-    """Margins of one loop at one operating point.
+    """Margins of one loop at one operating point."""
 
-    Attributes
-    ----------
-    position, stiffness : float
-        The operating point [rad], [N m/rad].
-    stable : bool
-        All closed-loop poles in the left half plane.
-    phase_margin : float
-        The margin nearest to 0 of all gain crossings [rad]; infinite without a crossing.
-    gain_margin : float
-        The factor nearest to 1 of all phase crossings [-]; infinite without a crossing.
-    modulus_margin : float
-        Least distance of the loop from -1 [-], the inverse of the sensitivity peak.
-    crossover : float
-        Highest frequency with a loop gain of one [rad/s]; 0 if there is none.
-    """
-
+    # position, stiffness: the operating point [rad], [N m/rad]
     position: float
     stiffness: float
-    stable: bool
+    stable: bool  # all closed-loop poles in the left half plane
+    # the margin nearest to 0 of all gain crossings [rad]; infinite without a crossing
     phase_margin: float
+    # the factor nearest to 1 of all phase crossings [-]; infinite without a crossing
     gain_margin: float
+    # least distance of the loop from -1 [-], the inverse of the sensitivity peak
     modulus_margin: float
-    crossover: float
+    crossover: float  # highest frequency with a loop gain of one [rad/s]; 0 if there is none
 
     def __str__(self) -> str:
         """Give operating point and margins in one line with units."""

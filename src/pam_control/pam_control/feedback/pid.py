@@ -29,26 +29,16 @@ N_GAINS: Final = 6
 
 @dataclass(frozen=True, slots=True)
 class PidGains:
-    """Parallel-form gains of one joint.
+    """Parallel-form gains of one joint."""
 
-    Attributes
-    ----------
-    proportional, integral, derivative : float
-        In the output's unit per rad, per rad s, and times s per rad.
-    derivative_filter : float
-        Time constant of the derivative's first-order filter [s].
-    observer : float
-        Bandwidth of the disturbance observer beside the PID [rad/s]; 0: none.
-    lead : float
-        Time constant of the lead on the derivative [s]; 0: none.
-    """
-
+    # proportional, integral, derivative: in the output's unit per rad, per rad s, and times s per
+    # rad
     proportional: float
     integral: float
     derivative: float
-    derivative_filter: float
-    observer: float = 0.0
-    lead: float = 0.0
+    derivative_filter: float  # time constant of the derivative's first-order filter [s]
+    observer: float = 0.0  # bandwidth of the disturbance observer beside the PID [rad/s]; 0: none
+    lead: float = 0.0  # time constant of the lead on the derivative [s]; 0: none
 
     @property
     def row(self) -> list[float]:

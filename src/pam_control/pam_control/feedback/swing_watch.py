@@ -90,46 +90,23 @@ class Reversals:
 
 
 class Swing(NamedTuple):
-    """From one turning point of the error to the next.
+    """From one turning point of the error to the next."""
 
-    Attributes
-    ----------
-    size, duration : float
-        [rad], [s].
-    changes : int
-        Of the references meanwhile.
-    rests : bool
-        Whether all references rested.
-    """
-
+    # size, duration: [rad], [s]
     size: float
     duration: float
-    changes: int
-    rests: bool
+    changes: int  # of the references meanwhile
+    rests: bool  # whether all references rested
 
 
 class Swings(NamedTuple):
-    """An oscillation that was seen.
+    """An oscillation that was seen."""
 
-    Attributes
-    ----------
-    size : float
-        From one turning point to the next [rad].
-    frequency : float
-        [Hz].
-    rests : bool
-        Whether the references rested.
-    sticks : bool
-        Whether the joint moves as one that sticks.
-    rubs : bool
-        Whether friction takes more torque than the swings have.
-    """
-
-    size: float
-    frequency: float
-    rests: bool
-    sticks: bool
-    rubs: bool = False
+    size: float  # from one turning point to the next [rad]
+    frequency: float  # [Hz]
+    rests: bool  # whether the references rested
+    sticks: bool  # whether the joint moves as one that sticks
+    rubs: bool = False  # whether friction takes more torque than the swings have
 
 
 class SwingWatch:

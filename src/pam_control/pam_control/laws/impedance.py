@@ -50,21 +50,11 @@ MUSCLES: Final = PositionStiffness()
 
 
 class ImpedanceState(NamedTuple):
-    """State of one joint.
+    """State of one joint."""
 
-    Attributes
-    ----------
-    muscles : PositionStiffnessState
-        Of the pressures.
-    start : float
-        Torque at the take-over that still fades [N m].
-    reached : float
-        Stiffness that the muscles reached in the last cycle [N m/rad].
-    """
-
-    muscles: PositionStiffnessState
-    start: float = 0.0
-    reached: float = math.nan
+    muscles: PositionStiffnessState  # of the pressures
+    start: float = 0.0  # torque at the take-over that still fades [N m]
+    reached: float = math.nan  # stiffness that the muscles reached in the last cycle [N m/rad]
 
 
 @dataclass(frozen=True)

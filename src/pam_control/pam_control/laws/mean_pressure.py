@@ -39,8 +39,6 @@ def ratio_for_torque(
 
     Parameters
     ----------
-    models : JointModels
-        Of the joint.
     position : float
         [rad].
     mean : float
@@ -68,17 +66,10 @@ def ratio_at_rest(models: JointModels, position: float, mean: float) -> float | 
 
 
 class MeanPressureState(NamedTuple):
-    """The mean pressure of one joint.
+    """The mean pressure of one joint."""
 
-    Attributes
-    ----------
-    mean : float
-        At present [Pa gauge].
-    balance : float
-        Change of half the difference per change of the mean, by which the torque is kept [-].
-    """
-
-    mean: float = math.nan
+    mean: float = math.nan  # at present [Pa gauge]
+    # change of half the difference per change of the mean, by which the torque is kept [-]
     balance: float = 0.0
 
 
@@ -87,8 +78,6 @@ def loop_cases(models: JointModels, mean: float, structure: LoopStructure) -> li
 
     Parameters
     ----------
-    models : JointModels
-        Of the joint.
     mean : float
         [Pa gauge].
     structure : LoopStructure
@@ -114,8 +103,6 @@ def begin_mean(
 
     Parameters
     ----------
-    models : JointModels
-        Of the joint.
     position : float
         [rad].
     pressures : (float, float)
@@ -166,8 +153,6 @@ def difference_per_mean(
 
     Parameters
     ----------
-    models : JointModels
-        Of the joint.
     position : float
         [rad].
     pressures : (float, float)

@@ -96,18 +96,10 @@ JOINTS_PER_PART: Final = 3
 
 @dataclass(frozen=True, slots=True)
 class Estimates:
-    """What is learnt of one joint; each part is changed in place.
+    """What is learnt of one joint; each part is changed in place."""
 
-    Attributes
-    ----------
-    adaptation : TorqueAdaptation
-        Of the torque along a motion.
-    stiffness : StiffnessEstimate
-        Of the numbers of the rig file.
-    """
-
-    adaptation: TorqueAdaptation
-    stiffness: StiffnessEstimate
+    adaptation: TorqueAdaptation  # of the torque along a motion
+    stiffness: StiffnessEstimate  # of the numbers of the rig file
 
     @classmethod
     def of(cls, models: JointModels, y: Any, a: Any) -> Estimates:
@@ -133,11 +125,6 @@ class Estimates:
 
 class PositionRows:
     """Joints under the model-based law.
-
-    Parameters
-    ----------
-    joints : sequence of JointModels
-        The joints.
 
     Attributes
     ----------

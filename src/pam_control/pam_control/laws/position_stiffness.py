@@ -66,40 +66,25 @@ CORRECTED_SHARE: Final = 0.2  # of what lacks, each time
 
 
 class StiffnessCorrection(NamedTuple):
-    """The correction of the commanded stiffness by what was learnt.
+    """The correction of the commanded stiffness by what was learnt."""
 
-    Attributes
-    ----------
-    goal, factor : float
-        True stiffness over that of the model [-]: as estimated, and as used, which follows slowly.
-    at : float
-        When it was computed last [s].
-    """
-
+    # goal, factor: true stiffness over that of the model [-]: as estimated, and as used, which
+    # follows slowly
     goal: float = 1.0
     factor: float = 1.0
-    at: float = -math.inf
+    at: float = -math.inf  # when it was computed last [s]
 
 
 NONE: Final = StiffnessCorrection()
 
 
 class PositionStiffnessState(NamedTuple):
-    """State of one joint.
+    """State of one joint."""
 
-    Attributes
-    ----------
-    rows : PositionRows
-        The numbers of the cycle and what is learnt; they are changed in place, by this law alone.
-    place : int
-        Of the joint in the rows.
-    correction : StiffnessCorrection
-        Of the stiffness.
-    """
-
+    # the numbers of the cycle and what is learnt; they are changed in place, by this law alone
     rows: PositionRows
-    place: int = 0
-    correction: StiffnessCorrection = NONE
+    place: int = 0  # of the joint in the rows
+    correction: StiffnessCorrection = NONE  # of the stiffness
 
     @property
     def x(self) -> Any:

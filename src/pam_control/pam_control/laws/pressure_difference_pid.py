@@ -48,19 +48,13 @@ FIT_POSITIONS: Final = 21
 
 @dataclass(frozen=True, slots=True)
 class DifferenceFeedforward:
-    """Half the pressure difference [Pa] as a polynomial of the reference.
+    """Half the pressure difference [Pa] as a polynomial of the reference."""
 
-    Attributes
-    ----------
-    offset, position, cubic : float
-        c0 [Pa], c1 [Pa/rad], c2 [Pa/rad^3].
-    velocity, acceleration : float
-        c3 [Pa s/rad], c4 [Pa s^2/rad].
-    """
-
+    # offset, position, cubic: c0 [Pa], c1 [Pa/rad], c2 [Pa/rad^3]
     offset: float
     position: float
     cubic: float
+    # velocity, acceleration: c3 [Pa s/rad], c4 [Pa s^2/rad]
     velocity: float
     acceleration: float
 
@@ -123,18 +117,13 @@ def nominal_feedforward(models: JointModels, mean: float) -> DifferenceFeedforwa
 
 @dataclass(frozen=True)
 class PressureDifferencePid(Law[MeanPressureState]):
-    """The law of the module's docstring. It ignores stiffness commands.
-
-    Attributes
-    ----------
-    given : mapping of str to tuple of float
-        Coefficients of the feedforward by joint, in the order and units of
-        `DifferenceFeedforward`; those of other joints follow from the rig.
-    """
+    """The law of the module's docstring. It ignores stiffness commands."""
 
     name: ClassVar[str] = "pressure_difference_pid"
 
     mean_pressure: float = MEAN_PRESSURE.field()
+    # coefficients of the feedforward by joint, in the order and units of `DifferenceFeedforward`;
+    # those of other joints follow from the rig
     given: Mapping[str, tuple[float, float, float, float, float]] = field(default_factory=dict)
 
     def cases(self, models: JointModels, settings: ControlSettings) -> list[LoopCase]:

@@ -42,21 +42,12 @@ HOLD: Final = PositionStiffness()
 
 
 class TorqueState(NamedTuple):
-    """State of one joint.
+    """State of one joint."""
 
-    Attributes
-    ----------
-    hold : PositionStiffnessState
-        Of the position law.
-    driven : bool
-        Whether torques are commanded.
-    asked, slope : float
-        The torque of the last cycle [N m], NaN if none was commanded, and its smoothed rate
-        [N m/s]: torques come in steps.
-    """
-
-    hold: PositionStiffnessState
-    driven: bool = False
+    hold: PositionStiffnessState  # of the position law
+    driven: bool = False  # whether torques are commanded
+    # asked, slope: the torque of the last cycle [N m], NaN if none was commanded, and its smoothed
+    # rate [N m/s]: torques come in steps
     asked: float = math.nan
     slope: float = 0.0
 

@@ -18,10 +18,6 @@ class LearningSession:
 
     Parameters
     ----------
-    rig : Rig
-        The present rig.
-    name : str
-        Of the motion.
     path : Path or None
         File in which it is kept; None: in memory only.
     filters : mapping of str to Filter

@@ -84,8 +84,6 @@ class LearntFile:
     ----------
     path : Path
         JSON; it need not exist.
-    rig : Rig
-        The present rig.
     read : callable, optional
         Calls a function with its arguments and a limit of time `within` [s]: a large file must not
         be read in the process of the control loop.

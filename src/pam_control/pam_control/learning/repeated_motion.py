@@ -57,24 +57,12 @@ class Filter(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Learnt:
-    """What is played in a repetition, one value per period.
+    """What is played in a repetition, one value per period."""
 
-    Attributes
-    ----------
-    path : ndarray
-        Positions of the reference, by which the motion is known again [rad].
-    base : ndarray
-        Torque that the adaptation had added [N m].
-    correction : ndarray
-        Torque that the repetitions added [N m].
-    error : float
-        RMS error with it [rad]; NaN before it was played.
-    """
-
-    path: Array
-    base: Array
-    correction: Array
-    error: float = math.nan
+    path: Array  # positions of the reference, by which the motion is known again [rad]
+    base: Array  # torque that the adaptation had added [N m]
+    correction: Array  # torque that the repetitions added [N m]
+    error: float = math.nan  # RMS error with it [rad]; NaN before it was played
 
     def is_of(self, path: Array) -> bool:
         """Whether it belongs to this motion."""

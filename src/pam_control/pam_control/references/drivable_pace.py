@@ -106,8 +106,6 @@ def drivable_factor(
 
     Parameters
     ----------
-    waypoints : Waypoints
-        Of the trajectory.
     coefficients, factor, limits
         As for `valve_share`.
 

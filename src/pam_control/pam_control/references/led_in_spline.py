@@ -27,8 +27,6 @@ class LedInSpline(JointSpline):
 
     Parameters
     ----------
-    path : JointSpline
-        The path.
     begin : float
         When the difference begins to fade [s].
     offset : float

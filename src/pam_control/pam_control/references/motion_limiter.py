@@ -52,33 +52,22 @@ ValveShare = Callable[[Array, Array, Array, Array], Array]
 
 @dataclass(frozen=True, slots=True)
 class MotionLimits:
-    """Limits of one joint's reference.
+    """Limits of one joint's reference."""
 
-    Attributes
-    ----------
-    velocity : float
-        [rad/s].
-    acceleration : float
-        [rad/s^2].
-    own_velocity, own_acceleration, own_jerk : float
-        Limits of the motions that the limiter makes itself, which the valves can drive anywhere in
-        the joint's range, see `pam_control.valve_limits` [rad/s], [rad/s^2], [rad/s^3].
-    own_speed, own_push : float
-        Largest speed and acceleration of the limiter's own motions, by all limits [rad/s],
-        [rad/s^2].
-    jerk : float
-        What the valves can drive of a planned trajectory's jerk, at rest [rad/s^3].
-    valve_share : ValveShare or None
-        What a motion needs of the valves; None if nothing is known.
-    """
-
-    velocity: float
-    acceleration: float
+    velocity: float  # [rad/s]
+    acceleration: float  # [rad/s^2]
+    # own_velocity, own_acceleration, own_jerk: limits of the motions that the limiter makes itself,
+    # which the valves can drive anywhere in the joint's range, see `pam_control.valve_limits`
+    # [rad/s], [rad/s^2], [rad/s^3]
     own_velocity: float = math.inf
     own_acceleration: float = math.inf
     own_jerk: float = LARGEST_JERK
+    # what the valves can drive of a planned trajectory's jerk, at rest [rad/s^3]
     jerk: float = math.inf
+    # what a motion needs of the valves; None if nothing is known
     valve_share: ValveShare | None = None
+    # own_speed, own_push: largest speed and acceleration of the limiter's own motions, by all
+    # limits [rad/s], [rad/s^2]
     own_speed: float = field(init=False)
     own_push: float = field(init=False)
 

@@ -39,21 +39,12 @@ MOST_FOR_STOP = 5.0  # how much slower a trajectory is played to be stopped in t
 
 @dataclass(frozen=True, slots=True)
 class PlannedTrajectory:
-    """A trajectory that keeps the limits from its first waypoint on.
+    """A trajectory that keeps the limits from its first waypoint on."""
 
-    Attributes
-    ----------
-    waypoints : mapping of str to Waypoints
-        By joint; the times are those of the scaled trajectory on the controller's time axis [s].
-    end : float
-        When the trajectory would end if it were not scaled [s].
-    excess : str
-        Which joint would exceed which limit; empty if none.
-    """
-
+    # by joint; the times are those of the scaled trajectory on the controller's time axis [s]
     waypoints: Mapping[str, Waypoints]
-    end: float
-    excess: str
+    end: float  # when the trajectory would end if it were not scaled [s]
+    excess: str  # which joint would exceed which limit; empty if none
 
 
 def plan(

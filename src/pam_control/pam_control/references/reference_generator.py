@@ -271,8 +271,6 @@ class ReferenceGenerator:
 
         Parameters
         ----------
-        names : sequence of str
-            Names of the joints.
         positions, velocities : sequence of float
             [rad], [rad/s]; velocities may be empty.
         now : float

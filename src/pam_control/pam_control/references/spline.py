@@ -29,17 +29,10 @@ class JointReference:
 
 @dataclass(frozen=True, slots=True)
 class Waypoint:
-    """Reference of one joint at one time; a field that the message does not give is None.
+    """Reference of one joint at one time; a field that the message does not give is None."""
 
-    Attributes
-    ----------
-    time : float
-        Seconds, on the controller's time axis.
-    position, velocity, acceleration : float or None
-        [rad], [rad/s], [rad/s^2].
-    """
-
-    time: float
+    time: float  # seconds, on the controller's time axis
+    # position, velocity, acceleration: [rad], [rad/s], [rad/s^2]
     position: float
     velocity: float | None = None
     acceleration: float | None = None
@@ -47,17 +40,10 @@ class Waypoint:
 
 @dataclass(frozen=True, slots=True)
 class Waypoints:
-    """The waypoints of one joint as arrays of shape (n,); a missing velocity is NaN.
+    """The waypoints of one joint as arrays of shape (n,); a missing velocity is NaN."""
 
-    Attributes
-    ----------
-    times : ndarray
-        Increasing [s].
-    positions, velocities, accelerations : ndarray
-        [rad], [rad/s], [rad/s^2].
-    """
-
-    times: Array
+    times: Array  # increasing [s]
+    # positions, velocities, accelerations: [rad], [rad/s], [rad/s^2]
     positions: Array
     velocities: Array
     accelerations: Array

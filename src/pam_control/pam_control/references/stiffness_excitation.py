@@ -22,13 +22,7 @@ SAME_STIFFNESS: Final = 0.05  # relative
 
 
 class StiffnessExcitation:
-    """Chooses the joint to be tested.
-
-    Parameters
-    ----------
-    references : ReferenceGenerator
-        Of all joints.
-    """
+    """Chooses the joint to be tested."""
 
     def __init__(self, references: ReferenceGenerator) -> None:
         self._references = references

@@ -21,21 +21,11 @@ O_JOINT, O_NUMBERS = range(2)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MuscleTable:
-    """The rows of all muscles and joints.
+    """The rows of all muscles and joints."""
 
-    Attributes
-    ----------
-    places : tuple of int
-        Place of each row's muscle in the robot.
-    owners : (n_muscles, 2) int rows
-        `O_JOINT` and `O_NUMBERS`.
-    owned : (n_joints, n_muscles of a joint) int rows
-        The rows of the muscles that turn a joint, in the order of its arms.
-    """
-
-    places: tuple[int, ...]
-    owners: Any
-    owned: Any
+    places: tuple[int, ...]  # place of each row's muscle in the robot
+    owners: Any  # `O_JOINT` and `O_NUMBERS`
+    owned: Any  # the rows of the muscles that turn a joint, in the order of its arms
 
     @classmethod
     def of(cls, robot: Robot) -> MuscleTable:

@@ -150,8 +150,6 @@ def commission(
         The robot, with empty muscles.
     partial : PartialRig
         The whole rig file.
-    name : str
-        Of the joint.
     task : str
         Robot, rig file and settings, by which an interrupted commissioning is known again.
     out : Path

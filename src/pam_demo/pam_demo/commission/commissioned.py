@@ -14,67 +14,34 @@ from pam_model.rig import Rig
 
 @dataclass(slots=True)
 class SequenceStep:
-    """One motion of the sequence, as it was played.
+    """One motion of the sequence, as it was played."""
 
-    Attributes
-    ----------
-    motion : str
-        Its name.
-    title : str
-        What it was.
-    share : float
-        Of the motion as it was asked for [-].
-    foreseen, most : tuple of three floats
-        Use of the limits by the least favourable robot, and as it was measured [-]: pressure,
-        speed, distance from the middle of the range.
-    """
-
-    motion: str
-    title: str
-    share: float
+    motion: str  # its name
+    title: str  # what it was
+    share: float  # of the motion as it was asked for [-]
+    # foreseen, most: use of the limits by the least favourable robot, and as it was measured [-]:
+    # pressure, speed, distance from the middle of the range
     foreseen: tuple[float, float, float]
     most: tuple[float, float, float]
 
 
 @dataclass(slots=True)
 class Commissioned:
-    """What a commissioning has found.
+    """What a commissioning has found."""
 
-    Attributes
-    ----------
-    rig : Rig or None
-        The identified rig of the joint; None if the sequence was ended.
-    ended : str
-        Why it was ended; empty if it was not.
-    steps : list of SequenceStep
-        The motions.
-    calibration : Calibration or None
-        The last identification.
-    points : sequence of TrajectoryPoint
-        The motion of the tracking test.
-    before, after : Tracked or None
-        The tracking test with the numbers as written and as identified.
-    gains : list of dict
-        Designed gains by stiffness [N m/rad].
-    seconds : float
-        Time of the recordings [s].
-    exchanged : str
-        What was exchanged, as the new rig file describes it; empty if nothing was.
-    expected : Expected or None
-        The tracking test on simulated robots that are as identified.
-    doubt : str
-        Why the tracking is not as good as it should be, or is not known well; empty if it is.
-    """
-
-    rig: Rig | None = None
-    ended: str = ""
-    steps: list[SequenceStep] = field(default_factory=list)
-    calibration: Calibration | None = None
-    points: Sequence[TrajectoryPoint] = ()
+    rig: Rig | None = None  # the identified rig of the joint; None if the sequence was ended
+    ended: str = ""  # why it was ended; empty if it was not
+    steps: list[SequenceStep] = field(default_factory=list)  # the motions
+    calibration: Calibration | None = None  # the last identification
+    points: Sequence[TrajectoryPoint] = ()  # the motion of the tracking test
+    # before, after: the tracking test with the numbers as written and as identified
     before: Tracked | None = None
     after: Tracked | None = None
+    # designed gains by stiffness [N m/rad]
     gains: list[dict[str, float]] = field(default_factory=list)
-    seconds: float = 0.0
+    seconds: float = 0.0  # time of the recordings [s]
+    # what was exchanged, as the new rig file describes it; empty if nothing was
     exchanged: str = ""
-    expected: Expected | None = None
+    expected: Expected | None = None  # the tracking test on simulated robots that are as identified
+    # why the tracking is not as good as it should be, or is not known well; empty if it is
     doubt: str = ""

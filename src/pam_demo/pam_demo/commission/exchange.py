@@ -142,16 +142,10 @@ class CrossedPort:
 
     The driver still has the rig file as it was: with crossed hoses its name of a valve is that of
     the other muscle, and with an encoder that counts the other way the other muscle is the agonist.
-
-    Attributes
-    ----------
-    port : RobotPort
-        The port as it is.
-    period, measurement_delay, command_delay : float
-        Its own [s].
     """
 
-    port: RobotPort
+    port: RobotPort  # the port as it is
+    # period, measurement_delay, command_delay: its own [s]
     period: float
     measurement_delay: float
     command_delay: float

@@ -42,23 +42,12 @@ class SensorNoise:
 
 @dataclass(slots=True)
 class NoisyPort:
-    """A simulated robot whose sensors are noisy.
+    """A simulated robot whose sensors are noisy."""
 
-    Attributes
-    ----------
-    port : SimulatedPort
-        The robot.
-    noise : SensorNoise
-        Of its sensors.
-    random : numpy.random.Generator
-        Of the noise.
-    period, measurement_delay, command_delay : float
-        Those of the port [s].
-    """
-
-    port: SimulatedPort
-    noise: SensorNoise
-    random: np.random.Generator
+    port: SimulatedPort  # the robot
+    noise: SensorNoise  # of its sensors
+    random: np.random.Generator  # of the noise
+    # period, measurement_delay, command_delay: those of the port [s]
     period: float = 0.0
     measurement_delay: float = 0.0
     command_delay: float = 0.0
@@ -82,17 +71,11 @@ class NoisyPort:
 
 @dataclass(frozen=True, slots=True)
 class Expected:
-    """What the tracking test gives on robots that are as identified.
+    """What the tracking test gives on robots that are as identified."""
 
-    Attributes
-    ----------
-    errors : tuple of float
-        RMS error on each of them [rad], the smallest first; infinite where it was not followed.
-    doubtful : tuple of str
-        Keys of the numbers on which the error depends most, the first one most.
-    """
-
+    # RMS error on each of them [rad], the smallest first; infinite where it was not followed
     errors: tuple[float, ...]
+    # keys of the numbers on which the error depends most, the first one most
     doubtful: tuple[str, ...]
 
     @property
@@ -116,8 +99,6 @@ def expected(
         The identified rig of the joint.
     posterior : Posterior
         What the recordings say of all its numbers together.
-    noise : SensorNoise
-        Of the sensors.
     period : float
         Of the commands [s].
     test : callable

@@ -34,26 +34,15 @@ UNIFORM: Final = math.sqrt(3.0)
 
 @dataclass(frozen=True, slots=True)
 class Known:
-    """One number.
+    """One number."""
 
-    Attributes
-    ----------
-    name : str
-        Of the plant parameter.
-    key : str
-        In the rig file.
-    value, low, high : float
-        The most likely value, and the ends of its interval.
-    is_length : bool
-        Whether it is one of the lengths and turns.
-    """
-
-    name: str
-    key: str
+    name: str  # of the plant parameter
+    key: str  # in the rig file
+    # value, low, high: the most likely value, and the ends of its interval
     value: float
     low: float
     high: float
-    is_length: bool = False
+    is_length: bool = False  # whether it is one of the lengths and turns
 
 
 def as_written(partial: PartialRig, said: Said, rules: CalibrationRules) -> tuple[Known, ...]:

@@ -67,23 +67,14 @@ class Foreseen:
 
 @dataclass(frozen=True, slots=True)
 class Permitted:
-    """How large a motion may be.
+    """How large a motion may be."""
 
-    Attributes
-    ----------
-    share, pace : float
-        Of the motion as it was asked for, and of the bandwidth of its slow loop; share 0 if nothing
-        is permitted.
-    worst : Foreseen
-        What it does on the least favourable robots.
-    robots : tuple of mapping
-        These robots, as changes of plant parameters.
-    """
-
+    # share, pace: of the motion as it was asked for, and of the bandwidth of its slow loop; share 0
+    # if nothing is permitted
     share: float
     pace: float
-    worst: Foreseen
-    robots: tuple[Mapping[str, float], ...]
+    worst: Foreseen  # what it does on the least favourable robots
+    robots: tuple[Mapping[str, float], ...]  # these robots, as changes of plant parameters
 
 
 def foreseen(

@@ -73,17 +73,11 @@ def scale_of(rig: Rig, period: float) -> Scale:
 
 
 class LoopState(NamedTuple):
-    """What the slow loop remembers.
+    """What the slow loop remembers."""
 
-    Attributes
-    ----------
-    ratio : float
-        Integral part: half the pressure difference over the mean pressure [-].
-    start, position, speed : float
-        Where the joint began, where it was last [rad], and its filtered speed [rad/s].
-    """
-
-    ratio: float
+    ratio: float  # integral part: half the pressure difference over the mean pressure [-]
+    # start, position, speed: where the joint began, where it was last [rad], and its filtered speed
+    # [rad/s]
     start: float
     position: float
     speed: float

@@ -30,31 +30,17 @@ DWELL: Final = 2.0  # s, from the begin of one stair to that of the next
 
 @dataclass(frozen=True, slots=True)
 class SampledMotion:
-    """One motion, sampled.
+    """One motion, sampled."""
 
-    Attributes
-    ----------
-    name, title : str
-        Identifier, and what people are told.
-    period : float
-        Of the samples [s].
-    level : ndarray, shape (n,)
-        Mean of both pressures [Pa].
-    position : ndarray, shape (n,)
-        Reference of the slow loop [rad].
-    wave : ndarray, shape (n,)
-        Half the pressure difference that is added to that of the slow loop [Pa].
-    bandwidth : float
-        Of the integral part of the slow loop [1/s].
-    """
-
+    # name, title: identifier, and what people are told
     name: str
     title: str
-    period: float
-    level: Array
-    position: Array
+    period: float  # of the samples [s]
+    level: Array  # shape (n,): mean of both pressures [Pa]
+    position: Array  # shape (n,): reference of the slow loop [rad]
+    # shape (n,): half the pressure difference that is added to that of the slow loop [Pa]
     wave: Array
-    bandwidth: float
+    bandwidth: float  # of the integral part of the slow loop [1/s]
 
     @property
     def duration(self) -> float:
@@ -82,30 +68,15 @@ class SampledMotion:
 
 @dataclass(frozen=True, slots=True)
 class Scale:
-    """What motions are sized by.
+    """What motions are sized by."""
 
-    Attributes
-    ----------
-    period : float
-        Of the samples [s].
-    highest : float
-        Highest pressure of both muscles [Pa].
-    reach : float
-        How far the joint may go to either side of the middle of its range [rad].
-    middle : float
-        Of the range [rad].
-    per_rad : float
-        Half the pressure difference that turns the joint by 1 rad, over the mean pressure [1/rad].
-    damping : float
-        Half the pressure difference per speed with which the slow loop damps the joint
-        [Pa s/rad].
-    """
-
-    period: float
-    highest: float
-    reach: float
-    middle: float
+    period: float  # of the samples [s]
+    highest: float  # highest pressure of both muscles [Pa]
+    reach: float  # how far the joint may go to either side of the middle of its range [rad]
+    middle: float  # of the range [rad]
+    # half the pressure difference that turns the joint by 1 rad, over the mean pressure [1/rad]
     per_rad: float
+    # half the pressure difference per speed with which the slow loop damps the joint [Pa s/rad]
     damping: float
 
 
@@ -174,8 +145,6 @@ def steps(scale: Scale, name: str, share: float, moving: float, seed: int) -> Sa
         Static amplitude over the reach [-].
     moving : float
         Duration without the filling [s].
-    seed : int
-        Of the steps.
     """
     random = np.random.default_rng(seed)
     time = _time(scale, moving)

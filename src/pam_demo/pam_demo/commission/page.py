@@ -7,50 +7,34 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import jinja2
 from matplotlib.figure import Figure
 
 from pam_demo.commission.commissioned import Commissioned
 from pam_demo.commission.expected_tracking import Expected
 from pam_demo.commission.tracking import Tracked
-from pam_gap.answer.page_style import BREAKABLE, PLOT_LOOK, STYLE
+from pam_gap.answer.html_page import breakable, html_page
+from pam_gap.answer.page_style import PLOT_LOOK
 from pam_gap.answer.plots_in_page import picture
 from pam_gap.answer.user_units import plain
-from pam_gap.calibration.answer import STATUS, interval_words, what_would_help
-from pam_gap.calibration.calibration import DETERMINED
+from pam_gap.calibration.answer import interval_words, status_words, written_value
 
 LOOK: Any = PLOT_LOOK | {"lines.linewidth": 1.1, "svg.hashsalt": "commission"}
 ASKED, BEFORE, AFTER = "#1d2433", "#d1495b", "#00798c"
-_PAGE = """<!doctype html>
-<html lang="en"><head><meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<title>{{ title }}</title><style>{{ style | safe }}</style></head><body><main>
-<h1>{{ title }}</h1>
+_BODY = """
 <div class="verdict" style="--verdict: {{ '#c2410c' if ended or doubt else '#00798c' }}">
 <b>{{ 'Ended' if ended else 'Commissioned' }}</b>{{ ended or summary }}</div>
 {% if exchanged %}<p>{{ exchanged }}</p>{% endif %}
 {% if tests %}<h2>Tracking</h2>
-<div class="wide" tabindex="0"><table><tr><th>rig file</th><th class="n">RMS error [mrad]</th>
-<th class="n">largest [mrad]</th><th>remark</th></tr>
-{% for test in tests %}<tr><td>{{ test.name }}</td><td class="n">{{ test.rms }}</td>
-<td class="n">{{ test.largest }}</td><td>{{ test.remark }}</td></tr>{% endfor %}</table></div>
+{{ table(['rig file', '#RMS error [mrad]', '#largest [mrad]', 'remark'], tests) }}
 {% if expected %}<p class="quiet">{{ expected }}</p>{% endif %}
-{% if plot %}<figure>{{ plot | safe }}</figure>{% endif %}{% endif %}
+<figure>{{ plot | safe }}</figure>{% endif %}
 {% if steps %}<h2>Steps</h2>
-<div class="wide" tabindex="0"><table><tr><th>motion</th><th class="n">size</th>
-<th class="n">pressure</th><th class="n">speed</th><th class="n">range</th></tr>
-{% for step in steps %}<tr><td>{{ step.title }}</td><td class="n">{{ step.size }}</td>
-{% for cell in step.cells %}<td class="n">{{ cell }}</td>{% endfor %}</tr>{% endfor %}</table></div>
+{{ table(['motion', '#size', '#pressure', '#speed', '#range'], steps) }}
 <p class="quiet">Pressure, speed and range are shares of the limits: as measured, and in brackets as
 foreseen for the least favourable robot that the numbers permitted then.</p>{% endif %}
 {% if rows %}<h2>Numbers</h2>
-<div class="wide" tabindex="0"><table>
-<tr><th>number</th><th class="n">as written</th><th class="n">now</th>
-<th class="n">90 % interval</th><th>unit</th><th>what the motions say</th></tr>
-{% for row in rows %}<tr><td>{{ breakable(row.key) }}</td><td class="n">{{ row.written }}</td>
-<td class="n">{{ row.value }}</td><td class="n">{{ row.interval }}</td><td>{{ row.unit }}</td>
-<td>{{ row.says }}</td></tr>{% endfor %}</table></div>{% endif %}
-</main></body></html>
+{{ table(['number', '#as written', '#now', '#90 % interval', 'unit', 'what the motions say'],
+rows) }}{% endif %}
 """
 
 
@@ -103,17 +87,16 @@ def render(joint: str, done: Commissioned) -> str:
     """
     numbers = done.calibration.numbers if done.calibration is not None else ()
     tests = [
-        {"name": name, "rms": _mrad(one.rms), "largest": _mrad(one.largest), "remark": one.stopped}
+        (name, _mrad(one.rms), _mrad(one.largest), one.stopped)
         for name, one in (("as it was", done.before), ("identified", done.after))
         if one is not None
     ]
     summary = ""
     if done.after is not None:
         summary = done.doubt or f"The joint tracks with {_mrad(done.after.rms)} mrad RMS."
-    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
-    return environment.from_string(BREAKABLE + _PAGE).render(
-        title=f"Commissioning of {joint}",
-        style=STYLE,
+    return html_page(
+        f"Commissioning of {joint}",
+        _BODY,
         ended=done.ended,
         doubt=done.doubt,
         exchanged=done.exchanged,
@@ -128,26 +111,22 @@ def render(joint: str, done: Commissioned) -> str:
         if tests
         else "",
         steps=[
-            {
-                "title": f"{step.motion}: {step.title}",
-                "size": f"{step.share:.0%}",
-                "cells": [
-                    f"{measured:.0%} ({foreseen:.0%})"
-                    for measured, foreseen in zip(step.most, step.foreseen, strict=True)
-                ],
-            }
+            (
+                f"{step.motion}: {step.title}",
+                f"{step.share:.0%}",
+                *(f"{m:.0%} ({f:.0%})" for m, f in zip(step.most, step.foreseen, strict=True)),
+            )
             for step in done.steps
         ],
         rows=[
-            {
-                "key": one.key,
-                "written": "missing" if one.written is None else plain(one.written, 4),
-                "value": plain(one.value, 4),
-                "interval": interval_words(*(one.relative or (one.low, one.high))),
-                "unit": one.unit,
-                "says": STATUS[one.status]
-                + ("" if one.status == DETERMINED else f"; would help: {what_would_help(one)}"),
-            }
+            (
+                breakable(one.key),
+                written_value(one),
+                plain(one.value, 4),
+                interval_words(*(one.relative or (one.low, one.high))),
+                one.unit,
+                status_words(one),
+            )
             for one in numbers
         ],
     )

@@ -42,22 +42,14 @@ LONGEST_CHECK: Final = 120.0  # s
 
 @dataclass(slots=True)
 class Log:
-    """Rows of a recording.
+    """Rows of a recording."""
 
-    Attributes
-    ----------
-    rig : Rig
-        With the names of the joint and its muscles.
-    late : float
-        From the sample of a reading without an age to the moment at which commands that are sent
-        together with it reach the valves [s]; of `of_port`.
-    stamps : list of (float, float)
-        Of the angle and the pressures of each row [s].
-    """
-
-    rig: Rig
+    rig: Rig  # with the names of the joint and its muscles
+    # from the sample of a reading without an age to the moment at which commands that are sent
+    # together with it reach the valves [s]; of `of_port`
     late: float
     rows: list[tuple[float, ...]] = field(default_factory=list)
+    # of the angle and the pressures of each row [s]
     stamps: list[tuple[float, float]] = field(default_factory=list)
 
     @classmethod
@@ -104,39 +96,21 @@ def _at(times: Array, stamps: Array, values: Array) -> Array:
 
 
 class Finding(NamedTuple):
-    """What a check of valves, hoses and sensors has found.
+    """What a check of valves, hoses and sensors has found."""
 
-    Attributes
-    ----------
-    text : str
-        In words.
-    turns_wrong : bool
-        Whether every pulse that turned the joint turned it the wrong way.
-    is_complete : bool
-        Whether the pulse of every muscle turned the joint, and nothing else was found.
-    """
-
-    text: str
-    turns_wrong: bool = False
+    text: str  # in words
+    turns_wrong: bool = False  # whether every pulse that turned the joint turned it the wrong way
+    # whether the pulse of every muscle turned the joint, and nothing else was found
     is_complete: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class Played:
-    """A motion that was played.
+    """A motion that was played."""
 
-    Attributes
-    ----------
-    table : pandas.DataFrame
-        The recording, by channels.
-    stopped : str
-        Why it was ended early; empty if it was not.
-    most : tuple of three floats
-        Largest measured use of the limits: pressure, speed, distance from the middle [-].
-    """
-
-    table: pd.DataFrame
-    stopped: str
+    table: pd.DataFrame  # the recording, by channels
+    stopped: str  # why it was ended early; empty if it was not
+    # largest measured use of the limits: pressure, speed, distance from the middle [-]
     most: tuple[float, float, float]
 
 

@@ -12,26 +12,13 @@ from typing import NamedTuple, Protocol
 
 
 class JointReading(NamedTuple):
-    """What the sensors of one joint showed.
+    """What the sensors of one joint showed."""
 
-    Attributes
-    ----------
-    time : float
-        At which it was asked for [s]; the next commands follow from it.
-    position : float
-        [rad]; NaN if it is not known or too old.
-    pressures : (float, float)
-        Gauge, agonist first [Pa]; NaN if not known or too old.
-    refusal : str
-        Why the robot's driver takes no commands; empty if it does.
-    age, pressure_age : float
-        Of the angle and of the pressures at `time`, by their stamps [s].
-    """
-
-    time: float
-    position: float
-    pressures: tuple[float, float]
-    refusal: str = ""
+    time: float  # at which it was asked for [s]; the next commands follow from it
+    position: float  # [rad]; NaN if it is not known or too old
+    pressures: tuple[float, float]  # gauge, agonist first [Pa]; NaN if not known or too old
+    refusal: str = ""  # why the robot's driver takes no commands; empty if it does
+    # age, pressure_age: of the angle and of the pressures at `time`, by their stamps [s]
     age: float = 0.0
     pressure_age: float = 0.0
 

@@ -245,8 +245,6 @@ class RosPort:
 
     Parameters
     ----------
-    answers : Connection
-        To the process of the node.
     period : float
         Of the commands [s].
     """

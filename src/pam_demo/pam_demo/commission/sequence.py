@@ -101,36 +101,16 @@ class EndedError(PamError):
 
 @dataclass(slots=True)
 class Commissioning:
-    """One joint, from a rough rig file to tracking.
+    """One joint, from a rough rig file to tracking."""
 
-    Attributes
-    ----------
-    port : RobotPort
-        The robot, vented.
-    partial : PartialRig
-        Its rig file, with this joint alone.
-    said : Said
-        How far plain numbers may be off.
-    kept : Kept
-        Where recordings and results are kept.
-    tell : callable
-        Shows a line.
-    ask : callable
-        Whether the next step may be done; it gets the step in words.
-    compute : callable
-        Calls what takes seconds between two motions.
-    confirm : callable
-        Whether a person says that something is exchanged, or mended.
-    """
-
-    port: RobotPort
-    partial: PartialRig
-    said: Said
-    kept: Kept
-    tell: Tell
-    ask: Ask
-    compute: Compute = at_same_priority
-    confirm: Confirm = nobody
+    port: RobotPort  # the robot, vented
+    partial: PartialRig  # its rig file, with this joint alone
+    said: Said  # how far plain numbers may be off
+    kept: Kept  # where recordings and results are kept
+    tell: Tell  # shows a line
+    ask: Ask  # whether the next step may be done; it gets the step in words
+    compute: Compute = at_same_priority  # calls what takes seconds between two motions
+    confirm: Confirm = nobody  # whether a person says that something is exchanged, or mended
     result: Commissioned = field(default_factory=Commissioned)
 
     def run(self) -> Commissioned:

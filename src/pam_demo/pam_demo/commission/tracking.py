@@ -38,24 +38,15 @@ COLUMNS: Final = ("time", "reference", "position")
 
 @dataclass(frozen=True, slots=True)
 class Tracked:
-    """How well a motion was followed.
+    """How well a motion was followed."""
 
-    Attributes
-    ----------
-    rms, largest : float
-        Error of the measured angle in the motion [rad]; infinite if it was not followed to its end.
-    stopped : str
-        Why it was not; empty if it was.
-    table : pandas.DataFrame
-        Time [s], reference and measured angle [rad] in the motion.
-    most : tuple of three floats
-        Largest measured use of the limits: pressure, speed, distance from the middle [-].
-    """
-
+    # rms, largest: error of the measured angle in the motion [rad]; infinite if it was not followed
+    # to its end
     rms: float
     largest: float
-    stopped: str
-    table: pd.DataFrame
+    stopped: str  # why it was not; empty if it was
+    table: pd.DataFrame  # time [s], reference and measured angle [rad] in the motion
+    # largest measured use of the limits: pressure, speed, distance from the middle [-]
     most: tuple[float, float, float] = (math.nan, math.nan, math.nan)
 
 
@@ -136,8 +127,6 @@ def track(
         Of `controller_for`; what it had learnt is forgotten.
     points : sequence of TrajectoryPoint
         The motion, from rest to rest.
-    limits : Limits
-        Of the joint.
     """
     rig = controller.rig
     name = rig.joints[0].name

@@ -20,20 +20,11 @@ OUTWARD: Final = 0.1  # rad/s; slower beyond the end is a joint that hangs there
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """Limits of one joint and its muscles.
+    """Limits of one joint and its muscles."""
 
-    Attributes
-    ----------
-    pressures : (float, float)
-        Highest, gauge, agonist first [Pa].
-    speed : float
-        Largest [rad/s].
-    lower, upper : float
-        Ends of the range [rad].
-    """
-
-    pressures: tuple[float, float]
-    speed: float
+    pressures: tuple[float, float]  # highest, gauge, agonist first [Pa]
+    speed: float  # largest [rad/s]
+    # lower, upper: ends of the range [rad]
     lower: float
     upper: float
 

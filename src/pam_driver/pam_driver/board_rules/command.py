@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from pam_model.argument_types import count, input_file, number, output_file
+from pam_model.argument_types import count, number, output_file
 from pam_model.command_line import Arguments, Command, Outcome, Parser
+from pam_model.common_options import add_bus, add_dbc
 
 
 def _declare(parser: Parser) -> None:
     add = parser.add_argument
-    add("--interface", default="socketcan", help="python-can's interface (default: %(default)s)")
-    add("--channel", default="can0", help="python-can's channel (default: %(default)s)")
+    add_bus(parser)
+    parser.set_defaults(interface="socketcan", channel="can0")
     add("--bitrate", type=count(10_000), default=1_000_000, help="[bit/s] (default: %(default)s)")
-    add("--port", type=count(1, 65535), help="UDP port, used by udp_multicast only")
-    add("--dbc", type=input_file, metavar="FILE", help="CAN database (default: the driver's own)")
+    add_dbc(parser)
     add(
         "--with-canopen",
         action="store_true",

@@ -56,8 +56,6 @@ def play(tester: BoardTester, rule: Rule, may_open: bool) -> RuleResult:
 
     Parameters
     ----------
-    tester : BoardTester
-        The board.
     rule : Rule
         What to test.
     may_open : bool

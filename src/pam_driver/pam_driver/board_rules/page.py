@@ -47,8 +47,6 @@ def write_page(path: Path, title: str, results: Sequence[RuleResult]) -> None:
         The file; its folder is made.
     title : str
         Which board on which bus, and when.
-    results : sequence of RuleResult
-        All rules.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     as_page = _as_markdown if path.suffix == ".md" else _as_html

@@ -42,8 +42,6 @@ def load_dbc(path: Path, max_bytes: int) -> Database:
 
     Parameters
     ----------
-    path : Path
-        The file.
     max_bytes : int
         Largest size that is read.
 
@@ -71,8 +69,6 @@ def read_dbc(path: Path, max_bytes: int) -> DbcContent:
 
     Parameters
     ----------
-    path : Path
-        The file.
     max_bytes : int
         Largest size that is read.
 

@@ -22,8 +22,6 @@ def read_maker_file(path: Path, max_bytes: int, what: str, error: type[PamError]
 
     Parameters
     ----------
-    path : Path
-        The file.
     max_bytes : int
         Largest size that is read.
     what : str

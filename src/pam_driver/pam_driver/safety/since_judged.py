@@ -29,8 +29,6 @@ class SinceJudged:
 
         Parameters
         ----------
-        found : iterable of Condition
-            What holds now.
         *kinds : str
             The kinds that are wanted of those that were kept; all if none is given.
         """

@@ -321,8 +321,6 @@ def pulse_of(robot: Robot, muscle: RobotMuscle) -> Pulse:
     ----------
     robot : Robot
         Gives joint, force model, volume and supply.
-    muscle : RobotMuscle
-        One muscle of the robot.
     """
     harmless = min(
         (harmless_pressure(robot, arm, ALLOWED_ANGLE, RISE, LARGEST) for arm in muscle.arms),

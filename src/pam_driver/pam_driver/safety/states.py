@@ -70,7 +70,6 @@ class SafetyOutput(NamedTuple):
 
 
 _S = SafetyState
-_E = SafetyEvent
 
 OUTPUTS: Final[Mapping[SafetyState, SafetyOutput]] = {
     _S.UNCONFIGURED: SafetyOutput(
@@ -207,28 +206,3 @@ Green: every muscle is measured empty. Off: the driver measures nothing, which i
 def next_state(state: SafetyState, event: SafetyEvent) -> SafetyState:
     """The state after an event, from the table."""
     return TRANSITIONS[state][event]
-
-
-def air_in(state: SafetyState) -> str:
-    """In which way air may move in a state, as the documentation names it."""
-    output = OUTPUTS[state]
-    return "in and out" if output.enable else "only out, slowly" if output.lower else "only out"
-
-
-def table_as_markdown() -> str:
-    """The table as docs/driver.md shows it; a dot means that the state does not change."""
-    states = list(SafetyState)
-    lines = [
-        "| event | " + " | ".join(f"in {state.value}" for state in states) + " |",
-        "|---" * (len(states) + 1) + "|",
-        "| *air moves* | " + " | ".join(f"*{air_in(state)}*" for state in states) + " |",
-        "| *lamp* | " + " | ".join(f"*{LAMPS[state]}*" for state in states) + " |",
-    ]
-    for event in SafetyEvent:
-        cells = []
-        for state in states:
-            target = next_state(state, event)
-            name = f"**{target.value}**" if OUTPUTS[target].enable else target.value
-            cells.append("." if target is state else name)
-        lines.append(f"| {event.value} | " + " | ".join(cells) + " |")
-    return "\n".join(lines)

@@ -34,29 +34,18 @@ class Wire(NamedTuple):
 
 @dataclass
 class RigCheck:
-    """What `check-rig` found.
+    """What `check-rig` found."""
 
-    Attributes
-    ----------
-    wires : list of Wire
-        One for each set point, pressure and angle.
-    loads : dict of str to float or None
-        By bus, the share of time during which it carries frames; None if a board does not say.
-    missing_promises : dict of str to list of str
-        By board, what it does not do for safety.
-    invalid_values : dict of str to dict of str to int
-        By board with measurement, the raw values that count as no measurement, by name.
-    problems : list of str
-        Why the robot would not work although the file can be used.
-    cautions : list of str
-        What a person should know before air is turned on.
-    """
-
-    wires: list[Wire] = field(default_factory=list)
+    wires: list[Wire] = field(default_factory=list)  # one for each set point, pressure and angle
+    # by bus, the share of time during which it carries frames; None if a board does not say
     loads: dict[str, float | None] = field(default_factory=dict)
+    # by board, what it does not do for safety
     missing_promises: dict[str, list[str]] = field(default_factory=dict)
+    # by board with measurement, the raw values that count as no measurement, by name
     invalid_values: dict[str, dict[str, int]] = field(default_factory=dict)
+    # why the robot would not work although the file can be used
     problems: list[str] = field(default_factory=list)
+    # what a person should know before air is turned on
     cautions: list[str] = field(default_factory=list)
 
 
@@ -65,8 +54,6 @@ def check_rig(rig: Rig, only: Bus, rate: float, dbc: str = "") -> RigCheck:
 
     Parameters
     ----------
-    rig : Rig
-        The rig.
     only : Bus
         The bus of a rig whose file describes none.
     rate : float

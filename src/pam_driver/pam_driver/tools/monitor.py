@@ -28,10 +28,6 @@ class Monitor:
 
     Parameters
     ----------
-    rig : Rig
-        The rig.
-    wiring : RigWiring
-        Its wiring.
     ports : mapping of str to Port
         Open buses by name; only `receive_all` is called.
     """

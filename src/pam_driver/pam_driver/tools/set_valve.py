@@ -43,14 +43,8 @@ class ValveTrial:
 
     Parameters
     ----------
-    rig : Rig
-        The rig.
-    wiring : RigWiring
-        Its wiring.
     ports : mapping of str to Port
         Open buses by name.
-    wire : MuscleWire
-        The valve.
     limit : float
         Pressure above which the trial ends [Pa gauge].
     """

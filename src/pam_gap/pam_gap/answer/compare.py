@@ -51,23 +51,15 @@ class Difference:
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One parameter in all diagnoses.
+    """One parameter in all diagnoses."""
 
-    Attributes
-    ----------
-    effect, parameter, unit : str
-        Which one.
-    values : tuple of (mapping or None)
-        `value`, `low`, `high` of each diagnosis; None where the effect was not named.
-    differences : tuple of Difference
-        One for each diagnosis after the first.
-    """
-
+    # effect, parameter, unit: which one
     effect: str
     parameter: str
     unit: str
+    # `value`, `low`, `high` of each diagnosis; None where the effect was not named
     values: tuple[Mapping[str, float] | None, ...]
-    differences: tuple[Difference, ...]
+    differences: tuple[Difference, ...]  # one for each diagnosis after the first
 
 
 @dataclass(frozen=True, slots=True)

@@ -62,8 +62,6 @@ class ScoredCandidate:
     ----------
     effects : tuple of str
         Effects of the hypothesis.
-    weight : float
-        Share of bootstrap samples in which the hypothesis has the smallest error.
     remaining : Interval
         Share of the RMS gap that remains.
     note : str
@@ -77,7 +75,6 @@ class ScoredCandidate:
     """
 
     effects: tuple[str, ...]
-    weight: float
     remaining: Interval
     note: str = ""
     level: float = 0.0
@@ -96,9 +93,9 @@ class Diagnosis:
     stage : str or None
         valve, muscle, joint or sensing.
     effects : tuple of str
-        Effects that the verdict names, strongest first.
+        Effects that the verdict names, most probable first.
     candidates : tuple of (str, float)
-        Every candidate with its weight, strongest first.
+        Every candidate with its probability, the named ones first.
     indistinguishable : tuple of tuple of str
         Sets of effects between which the data cannot distinguish.
     parameters : mapping

@@ -55,6 +55,8 @@ def _alternatives(diagnosis: Diagnosis) -> str:
     ]
     open_effects = {effect for group in diagnosis.indistinguishable for effect in group}
     sure = [_sized(diagnosis, e) for e in diagnosis.effects if e not in open_effects]
+    if sure and all(len(group) == 1 for group in diagnosis.indistinguishable):
+        return f"{' and '.join(sure)}, perhaps with {' or '.join(either)}"
     return "; ".join([*either, *sure])
 
 

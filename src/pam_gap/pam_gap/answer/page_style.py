@@ -66,10 +66,6 @@ STYLE = """
 What is wider than the page scrolls, and is shaded where it goes on.
 """
 
-BREAKABLE: Final = """{% macro breakable(name) %}{{ name | e | replace('.', '.<wbr>' | safe)
-| replace('_', '_<wbr>' | safe) }}{% endmacro %}"""
-"""For Jinja: a name that a narrow column may break behind its dots and lines, and nowhere else."""
-
 VERDICT_COLOURS = {
     "named": "#00798c",
     "ambiguous": "#b7791f",

@@ -30,14 +30,20 @@ from pam_gap.answer.report_words import (
     shrinkage_words,
     stage_words,
 )
-from pam_gap.answer.traces import RETUNED, WITH_ANSWER, Trace, draw
-from pam_gap.answer.user_units import percent, spoken, told
+from pam_gap.answer.traces import (
+    NO_FIGURES,
+    RETUNED,
+    WITH_ANSWER,
+    Trace,
+    draw,
+    drawn_or_reason,
+)
+from pam_gap.answer.user_units import as_probability, percent, spoken, told
 from pam_gap.inference.probabilities import NONE, UNKNOWN
 from pam_gap.prediction.channel_order import UNITS
 from pam_gap.prediction.channels import block_means
 from pam_gap.prediction.problem import PredictionProblem
 from pam_model.effects import EFFECTS
-from pam_ros.missing_packages import what_to_install
 
 HINT: Final = 0.3
 """Probability from which the first lines of the page name a cause that is not in the answer."""
@@ -46,7 +52,7 @@ _BODY = """
 {% if stated %}<small>Probability: {{ stated }}{% if rivals %}; not named, but possible:
 {{ rivals }}{% endif %}</small>{% endif %}</div>
 
-{% if drawn %}<figure class="plot" aria-label="Error of the prediction of
+{% if drawn.parts %}<figure class="plot" aria-label="Error of the prediction of
 {{ first.channel }} over the whole recording: {{ headline_words }}">
 <b>{{ first.channel }}: predicted minus measured</b>{{ drawn.parts[0] | safe }}
 <figcaption>{{ headline_words }} {{ legend }} {{ band }}Drag over a part
@@ -71,7 +77,7 @@ within their tolerance.{% endif %}</p>{% endif %}
 <div class="wide" tabindex="0"><table class="bars">
 <tr><th>cause</th><th class="n">probability</th><td></td></tr>
 {% for name, share in causes %}
-<tr><td>{{ name | spoken }}</td><td class="n">{{ percent(share) }}</td>
+<tr><td>{{ name | spoken }}</td><td class="n">{{ as_probability(share) }}</td>
 <td class="bar"><span style="width: {{ '%.1f' % ([100.0 * share, 100.0] | min) }}%"></span></td>
 </tr>
 {% endfor %}</table></div>
@@ -122,7 +128,7 @@ together.</figcaption></figure>{% endif %}
 {% if horizons %}{{ table(['channel', 'horizon', '#as written', '#with the answer', '#noise alone'],
 horizons) }}{% endif %}
 
-{% if drawn %}<h2>Measured and predicted</h2>
+{% if drawn.parts %}<h2>Measured and predicted</h2>
 {% for trace in traces %}<figure class="plot"><b>{{ trace.channel }}: measured and predicted</b>
 {{ drawn.parts[2 * loop.index0 + 1] | safe }}
 <figcaption>The nearer a coloured curve stays to the grey one, the better it predicts this
@@ -154,7 +160,7 @@ def _explanations(found: Mapping[str, float]) -> list[tuple[str, str]]:
     rest = sum(found.values()) - sum(shown.values())
     if rest >= LEAST_SHOWN:
         shown[f"{len(found) - len(shown)} others together"] = rest
-    return [(name, percent(p)) for name, p in shown.items()]
+    return [(name, as_probability(p)) for name, p in shown.items()]
 
 
 def _headline(traces: Sequence[Trace], channels: Mapping[str, Any], named: bool) -> Trace | None:
@@ -213,7 +219,7 @@ def _origin(found: Mapping[str, Any] | None, facts: Mapping[str, float]) -> list
 
 
 def _probable(found: Sequence[tuple[str, float]]) -> str:
-    return ", ".join(f"{spoken(effect)} {percent(p)}" for effect, p in found)
+    return ", ".join(f"{spoken(effect)} {as_probability(p)}" for effect, p in found)
 
 
 def render(
@@ -225,8 +231,6 @@ def render(
     ----------
     diagnosis : mapping
         The content of diagnosis.json.
-    answer_line : str
-        The answer in one line.
     traces : sequence of Trace
         The channels of a recording.
     improved_rig : str
@@ -237,25 +241,22 @@ def render(
     channels = d["materiality"]["channels"]
     causes = marginals(d["probabilities"])
     first = _headline(traces, channels, bool(named))
-    drawn, no_figures = None, ""
-    try:
-        drawn = None if first is None else draw(traces, first)
-    except ModuleNotFoundError as error:
-        no_figures = what_to_install(error) or ""
-        if not no_figures:
-            raise
+    drawn, no_figures = NO_FIGURES, ""
+    if first is not None:
+        drawn, no_figures = drawn_or_reason(partial(draw, traces, first))
     blamed = _blamed_stages(d)
     answer = WITH_ANSWER if named else RETUNED
     has_shrinkage = bool(d["gap"]) and verdict != "not_identifiable"
     return html_page(
         f"Diagnosis of {d['joint']}",
         _BODY,
-        script="" if drawn is None else drawn.script,
+        script=drawn.script,
         d=d,
         headline=answer_line,
         improved_rig=improved_rig,
         traces=traces,
         percent=percent,
+        as_probability=as_probability,
         colour=VERDICT_COLOURS.get(verdict, "#6b7280"),
         word=VERDICT_WORDS.get(verdict, verdict),
         stated=_probable([cause for cause in causes if cause[0] in named]),

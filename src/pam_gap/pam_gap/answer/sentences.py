@@ -5,7 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from pam_gap.answer.diagnosis import Diagnosis
-from pam_gap.answer.user_units import interval_digits, percent, plain, spoken, told, user_unit
+from pam_gap.answer.user_units import (
+    as_probability,
+    interval_digits,
+    percent,
+    plain,
+    spoken,
+    told,
+    user_unit,
+)
 from pam_gap.inference.held_out import OTHER_LENGTHS
 from pam_gap.prediction.materiality import GapSize
 from pam_model.effects import EFFECTS
@@ -33,7 +41,7 @@ def _with_stages(diagnosis: Diagnosis, effects: Sequence[str]) -> str:
     return _listed(
         [
             f"{spoken(effect)} ({EFFECTS[effect].stage} stage"
-            + (f", {percent(probable[effect])})" if effect in probable else ")")
+            + (f", {as_probability(probable[effect])})" if effect in probable else ")")
             for effect in effects
         ]
     )
@@ -244,6 +252,14 @@ def _closes(diagnosis: Diagnosis, subject: str) -> str:
 def _ambiguous(diagnosis: Diagnosis) -> str:
     open_effects = {effect for group in diagnosis.indistinguishable for effect in group}
     sure = [effect for effect in diagnosis.effects if effect not in open_effects]
+    if sure and all(len(group) == 1 for group in diagnosis.indistinguishable):
+        subject = "The cause is" if len(sure) == 1 else "The causes are"
+        more = _with_stages(diagnosis, sorted(open_effects, key=diagnosis.effects.index))
+        return (
+            f"{subject} {_with_stages(diagnosis, sure)}. What this recording does not show is "
+            f"whether there is a further one: {more}."
+            f"{_closes(diagnosis, 'The best hypothesis explains')}"
+        )
     groups = ", or between ".join(
         _with_stages(diagnosis, group) for group in diagnosis.indistinguishable
     )
@@ -260,7 +276,9 @@ def _named(diagnosis: Diagnosis) -> str:
         numbers = with_parameters(diagnosis, effects[0])
         size = f": {numbers}" if numbers else ""
         probability = diagnosis.cause_probabilities.get(effects[0])
-        likely = "" if probability is None else f", with a probability of {percent(probability)}"
+        likely = (
+            "" if probability is None else f", with a probability of {as_probability(probability)}"
+        )
         subject = "The cause" if probability is None or probability >= LIKELY else _DOUBTFUL
         return (
             f"{subject} is {spoken(effects[0])} at the {diagnosis.stage} stage{likely}{size}."

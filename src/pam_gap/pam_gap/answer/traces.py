@@ -7,7 +7,7 @@ All figures share one time axis.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pam_gap.answer.user_units import user_unit
+from pam_ros.missing_packages import what_to_install
 
 Array = npt.NDArray[np.float64]
 
@@ -70,6 +71,9 @@ class Drawn:
 
     script: str  # what the page needs in its head and at its end, as HTML
     parts: tuple[str, ...]  # one HTML element for each figure
+
+
+NO_FIGURES = Drawn("", ())
 
 
 def thinned(time: Array, values: Array, points: int = MAX_POINTS) -> tuple[Array, Array]:
@@ -133,6 +137,17 @@ def embedded(figures: Sequence[Any]) -> Drawn:
     script, parts = components(tuple(figures))
     library = Resources(mode="inline", components=["bokeh"])
     return Drawn(f"{library.render_js()}\n{script}", tuple(parts))
+
+
+def drawn_or_reason(draw_all: Callable[[], Drawn]) -> tuple[Drawn, str]:
+    """Figures, and an empty reason; without Bokeh no figures, and what to install."""
+    try:
+        return draw_all(), ""
+    except ModuleNotFoundError as error:
+        reason = what_to_install(error)
+        if reason is None:
+            raise
+        return NO_FIGURES, reason
 
 
 class _Page:

@@ -57,3 +57,8 @@ def percent(share: float) -> str:
     """A share as per cent: "81 %", "0.07 %"."""
     value = 100.0 * share
     return f"{value:.0f} %" if value >= 9.95 else f"{plain(value, 2)} %"
+
+
+def as_probability(probability: float) -> str:
+    """A probability as per cent, which is never said to be 100 %."""
+    return "over 99 %" if probability > 0.994 else percent(probability)

@@ -20,7 +20,6 @@ from pam_gap.inference.decide import Verdict, closed_by
 from pam_gap.inference.evidence import Evidence
 from pam_gap.inference.held_out import Folds, HeldOut
 from pam_gap.inference.hypothesis import Hypothesis, HypothesisFitter
-from pam_gap.inference.selection import bootstrap_weights
 from pam_gap.prediction.channel_order import BOTH_FORCES, UNITS
 from pam_gap.prediction.fit import Array
 from pam_gap.prediction.gap_figures import gap_figures
@@ -54,7 +53,7 @@ class AnswerForm:
         self.evidence = evidence
         self.verdict = verdict
         self.judge = verdict.judge
-        self.rules = verdict.judge.rules
+        self.rules = verdict.judge.rules.decision
         self.problem = fitter.problem
         self.floor = fitter.floor
         self.present = self.problem.present
@@ -66,19 +65,19 @@ class AnswerForm:
         The improved rig file, and what it closes, are those of the fit that a rig file can hold
         (`Evidence.improved`).
         """
-        evidence, verdict, decision = self.evidence, self.verdict, self.verdict.decision
+        evidence, verdict = self.evidence, self.verdict
         named, shown = verdict.named, evidence.improved
         chosen = evidence.nominal if named is None else named
         final = shown or chosen
-        is_unknown = decision.verdict == "unknown"
+        is_unknown = verdict.verdict == "unknown"
         ordinary: tuple[str, ...] = ()
-        if decision.chosen is not None:
-            fitted = final.effects if shown is not None else decision.chosen.effects
-            ordinary = tuple(e for e in fitted if e not in decision.chosen.causes)
-        ranking = self.ranking(evidence.nominal, decision.tried)
+        if verdict.chosen is not None:
+            fitted = final.effects if shown is not None else verdict.chosen.effects
+            ordinary = tuple(e for e in fitted if e not in verdict.chosen.causes)
+        ranking = self.ranking(evidence.nominal, verdict.tried)
         values = self.fitter.vector(final.hypothesis.members, final.hypothesis.result.values)
         return Diagnosis(
-            verdict=decision.verdict,
+            verdict=verdict.verdict,
             stage=verdict.stage,
             effects=verdict.effects,
             candidates=verdict.candidates,
@@ -95,10 +94,10 @@ class AnswerForm:
             probabilities=verdict.probabilities,
             joint=self.rig.joints[self.joint].name,
             ranking=ranking,
-            preferred="" if named is None else why_preferred(chosen.effects, ranking),
-            looks_like=decision.better.unlisted
-            if is_unknown and decision.better is not None
-            else "",
+            preferred=""
+            if named is None
+            else why_preferred(chosen.effects, ranking, self.judge.rules.search.price),
+            looks_like=verdict.looks_like,
             location=location,
             horizons=tuple(gap_figures(self.problem, self.problem.base.values, values)),
             improved=None if shown is None else self.improved(shown.hypothesis),
@@ -107,10 +106,10 @@ class AnswerForm:
             withheld=self.folds.withheld,
             written_values=self.problem.base.values,
             improved_values=values,
-            closest_values=self.closest(decision.tried) if is_unknown else None,
+            closest_values=self.closest(verdict.tried) if is_unknown else None,
             survivors=()
             if named is None
-            else (chosen.hypothesis, *(r.hypothesis for r in decision.rivals)),
+            else (chosen.hypothesis, *(r.hypothesis for r in verdict.rivals)),
         )
 
     def closest(self, tried: Sequence[HeldOut]) -> Array | None:
@@ -164,12 +163,7 @@ class AnswerForm:
         """Scored hypotheses, best first, with the share of the gap that remains with each."""
         entries = []
         ranked = sorted(tried, key=self.judge.level)
-        shares: Array = (
-            bootstrap_weights(ranked, self.floor, self.present, self.rules)
-            if ranked
-            else np.zeros(0)
-        )
-        for score, share in zip(ranked, shares, strict=True):
+        for score in ranked:
             closed = gap_closed(nominal, score, self.floor, self.present, self.rules)
             left = 1.0 - closed.value
             reach = floor_reach(nominal, self.floor, self.present, self.rules)
@@ -181,7 +175,6 @@ class AnswerForm:
             entries.append(
                 ScoredCandidate(
                     score.hypothesis.effects,
-                    float(share),
                     remaining,
                     self.objections(score),
                     self.judge.level(score),
@@ -240,8 +233,6 @@ def not_identifiable(
     ----------
     fitter : HypothesisFitter
         The fitter of the diagnosis.
-    missing : sequence of str
-        What the recordings lack.
     written : HeldOut
         Score of the plant as written in the rig file.
     location : Location or None
@@ -266,26 +257,30 @@ def not_identifiable(
     )
 
 
-def why_preferred(chosen: Sequence[str], ranking: Sequence[ScoredCandidate]) -> str:
-    """Why an explanation was preferred to a better fitting one; empty if none fits better."""
+def why_preferred(chosen: Sequence[str], ranking: Sequence[ScoredCandidate], price: float) -> str:
+    """Why an explanation was preferred to a better fitting one; empty if none fits better.
+
+    Parameters
+    ----------
+    chosen : sequence of str
+        Effects of the explanation.
+    ranking : sequence of ScoredCandidate
+        All explanations.
+    price : float
+        Difference of levels that needs no reason.
+    """
     own = next((entry for entry in ranking if set(entry.effects) == set(chosen)), None)
-    best = max(ranking, key=lambda entry: entry.weight, default=None)
-    if own is None or best is None or best is own or best.weight <= own.weight:
+    best = min(ranking, key=lambda entry: entry.level, default=None)
+    if own is None or best is None or best.level >= own.level - price:
         return ""
     mine, other = (" + ".join(map(spoken, entry.effects)) for entry in (own, best))
-    if set(best.effects) > set(own.effects):
-        reason = "a further effect is only accepted if it lowers the error clearly"
-    elif len(best.effects) > len(own.effects):
-        reason = "more effects are only accepted if they lower the error clearly"
-    else:
-        reason = "it is the simpler law, and both leave about the same error"
-    levels = f"{best.level:.2f} against {own.level:.2f}"
-    shown = (
-        "both leave no more than the noise floor"
-        if max(best.level, own.level) < 0.005  # shown as 0.00
-        else f"sum of the log errors {levels}"
+    reason = (
+        "several causes at once are less probable beforehand than fewer"
+        if len(best.effects) > len(own.effects)
+        else "it needs fewer free numbers, or leaves no more than its law may"
     )
-    return f"{other} fits this recording better ({shown}). {mine} was preferred because {reason}."
+    levels = f"sum of the log errors {best.level:.2f} against {own.level:.2f}"
+    return f"{other} fits this recording better ({levels}). {mine} was preferred because {reason}."
 
 
 def advice(verdict: str, proposal: Proposal | None, problem: PredictionProblem) -> str:

@@ -59,11 +59,17 @@ def interval_words(low: float, high: float) -> str:
     return f"{plain(low, digits)} to {plain(high, digits)}"
 
 
-def before(number: CalibratedNumber) -> str:
-    """What the rig file said of a number: a range, a value, or that it is missing."""
+def written_value(number: CalibratedNumber) -> str:
+    """The number as the rig file has it: a range, a value, or that it is missing."""
     if number.stated is not None:
         return interval_words(*number.stated)
     return "missing" if number.written is None else plain(number.written, 4)
+
+
+def status_words(number: CalibratedNumber) -> str:
+    """What the data say of a number, and what would determine it."""
+    more = "" if number.status == DETERMINED else f"; would help: {what_would_help(number)}"
+    return STATUS[number.status] + more
 
 
 def comment_of(number: CalibratedNumber, *, is_range: bool = False) -> str:
@@ -71,11 +77,11 @@ def comment_of(number: CalibratedNumber, *, is_range: bool = False) -> str:
     if number.status == KEPT:
         was = "as written"
         if number.stated is not None and not is_range:
-            was = f"the middle of {before(number)}"
+            was = f"the middle of {written_value(number)}"
         elif number.written is None:
             was = "a guess, because it was missing"
         return f"{was}; this log does not determine it ({what_would_help(number)})"
-    was = "it was missing" if number.written is None else f"was {before(number)}"
+    was = "it was missing" if number.written is None else f"was {written_value(number)}"
     text = f"90 %: {interval_words(number.low, number.high)}, by the stage {number.stage}; {was}"
     if number.relative is not None:
         text += f"; if the torque per pressure is right: {interval_words(*number.relative)}"
@@ -114,7 +120,9 @@ def table_lines(calibration: Calibration) -> list[str]:
     for one in calibration.numbers:
         value = f"{plain(one.value, 4)} {one.unit}".removesuffix(" -")
         if one.status == KEPT:
-            was = "missing" if one.written is None else f"{before(one)} {one.unit}, as written"
+            was = (
+                "missing" if one.written is None else f"{written_value(one)} {one.unit}, as written"
+            )
             was = was.replace(" -,", ",")
             lines.append(f"  {one.key}: {was}; would help: {what_would_help(one)}")
         else:

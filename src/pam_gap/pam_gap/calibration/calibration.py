@@ -50,78 +50,44 @@ DETERMINED, RELATIVE, NARROWED, KEPT = "determined", "relative", "narrowed", "ke
 
 @dataclass(frozen=True, slots=True)
 class CalibratedNumber:
-    """What a calibration says of one number.
+    """What a calibration says of one number."""
 
-    Attributes
-    ----------
-    key, unit, stage : str
-        Key in the rig file, its unit, and the stage that finds it.
-    written : float or None
-        As it was written; None if it was missing.
-    value : float
-        As it is in the new rig file.
-    low, high : float
-        90 % interval.
-    status : str
-        `determined`; `relative` if only its ratio to the torque per pressure is known as well;
-        `narrowed` if it is known better than before, but not well; `kept` if the log says nothing
-        of it, so that it is as written.
-    relative : tuple of (float, float) or None
-        90 % interval if the torque per pressure is right; None for numbers that do not grow with
-        it.
-    stated : tuple of (float, float) or None
-        The range in the rig file, if it was one.
-    """
-
+    # key, unit, stage: key in the rig file, its unit, and the stage that finds it
     key: str
     unit: str
     stage: str
-    written: float | None
-    value: float
+    written: float | None  # as it was written; None if it was missing
+    value: float  # as it is in the new rig file
+    # low, high: 90 % interval
     low: float
     high: float
+    # `determined`; `relative` if only its ratio to the torque per pressure is known as well;
+    # `narrowed` if it is known better than before, but not well; `kept` if the log says nothing of
+    # it, so that it is as written
     status: str
+    # 90 % interval if the torque per pressure is right; None for numbers that do not grow with it
     relative: tuple[float, float] | None = None
-    stated: tuple[float, float] | None = None
+    stated: tuple[float, float] | None = None  # the range in the rig file, if it was one
 
 
 @dataclass(slots=True)
 class Calibration:
-    """The result for one joint.
+    """The result for one joint."""
 
-    Attributes
-    ----------
-    joint : str
-        Its name.
-    rig : Rig or None
-        The calibrated rig; None if there is none, which `refused` explains.
-    numbers : tuple of CalibratedNumber
-        Every number that was free.
-    refused : tuple of str
-        Why no rig file is written, in full sentences.
-    wiring : tuple of str
-        What is exchanged or reversed, in full sentences; it is part of `refused`, too.
-    notes : tuple of str
-        What was assumed or is missing.
-    withheld : tuple of GapFigure
-        Errors on recordings that took no part in the fit, with the numbers as written and as found.
-    small : dict of str to float
-        Sizes of small effects that every good rig has, as they were fitted; not in the rig file.
-    posterior : Posterior or None
-        The numbers with their covariance; None if nothing was fitted.
-    stage_errors : dict of str to (float, float)
-        RMS error of each stage before and after its fit, in multiples of the noise.
-    """
-
-    joint: str
-    rig: Rig | None = None
-    numbers: tuple[CalibratedNumber, ...] = ()
-    refused: tuple[str, ...] = ()
+    joint: str  # its name
+    rig: Rig | None = None  # the calibrated rig; None if there is none, which `refused` explains
+    numbers: tuple[CalibratedNumber, ...] = ()  # every number that was free
+    refused: tuple[str, ...] = ()  # why no rig file is written, in full sentences
+    # what is exchanged or reversed, in full sentences; it is part of `refused`, too
     wiring: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # what was assumed or is missing
+    # errors on recordings that took no part in the fit, with the numbers as written and as found
     withheld: tuple[GapFigure, ...] = ()
+    # sizes of small effects that every good rig has, as they were fitted; not in the rig file
     small: dict[str, float] = field(default_factory=dict)
+    # RMS error of each stage before and after its fit, in multiples of the noise
     stage_errors: dict[str, tuple[float, float]] = field(default_factory=dict)
+    # the numbers with their covariance; None if nothing was fitted
     posterior: Posterior | None = field(default=None, repr=False)
     problem: PredictionProblem | None = field(default=None, repr=False)
     before: Array | None = field(default=None, repr=False)
@@ -145,8 +111,6 @@ def calibrate_joint(
     ----------
     partial : PartialRig
         What the rig file says.
-    number : int
-        Number of the joint.
     recordings, withheld : sequence of Recording
         Recordings that are fitted, and others on which the result is tried.
     said : Said

@@ -39,52 +39,24 @@ LINEAR = ("creep",)
 
 @dataclass(frozen=True, slots=True)
 class Said:
-    """What is known of the numbers that are written plainly.
+    """What is known of the numbers that are written plainly."""
 
-    Attributes
-    ----------
-    tolerance : float
-        How far a number may be off, relative.
-    lengths : float
-        The same for lengths, turns and the supply pressure.
-    """
-
-    tolerance: float
-    lengths: float
+    tolerance: float  # how far a number may be off, relative
+    lengths: float  # the same for lengths, turns and the supply pressure
 
 
 @dataclass(frozen=True, slots=True)
 class FreeRigNumber:
-    """One number that a calibration may change.
+    """One number that a calibration may change."""
 
-    Attributes
-    ----------
-    name : str
-        Name of the plant parameter.
-    key : str
-        Key in the rig file.
-    unit : str
-        Unit of its value.
-    stage : str
-        The stage that finds it: statics, gas and valve, body, or sensors.
-    free : FreeParameter
-        Bounds, prior and scale of the fit.
-    written : float or None
-        Value in the rig file, the middle of a range; None if it is missing.
-    others : tuple of str
-        Further plant parameters that it sets, those of the other muscle.
-    stated : tuple of (float, float) or None
-        The range in the rig file, if it is one.
-    """
-
-    name: str
-    key: str
-    unit: str
-    stage: str
-    free: FreeParameter
-    written: float | None
-    others: tuple[str, ...] = ()
-    stated: tuple[float, float] | None = None
+    name: str  # name of the plant parameter
+    key: str  # key in the rig file
+    unit: str  # unit of its value
+    stage: str  # the stage that finds it: statics, gas and valve, body, or sensors
+    free: FreeParameter  # bounds, prior and scale of the fit
+    written: float | None  # value in the rig file, the middle of a range; None if it is missing
+    others: tuple[str, ...] = ()  # further plant parameters that it sets, those of the other muscle
+    stated: tuple[float, float] | None = None  # the range in the rig file, if it is one
 
     @property
     def targets(self) -> tuple[str, ...]:
@@ -194,8 +166,6 @@ def ordinary_numbers(
     ----------
     rig : Rig
         The rig as written.
-    joint : Joint
-        The joint.
     rules : CalibrationRules
         How much of them is usual.
     has_commands : bool

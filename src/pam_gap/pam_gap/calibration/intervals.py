@@ -25,23 +25,14 @@ from pam_gap.prediction.fit import Array, FreeParameter, Scaling, mean_squares
 
 @dataclass(frozen=True, slots=True)
 class Knowledge:
-    """Values and covariance of the numbers of a fit.
+    """Values and covariance of the numbers of a fit."""
 
-    Attributes
-    ----------
-    free : tuple of FreeParameter
-        The numbers.
-    values : ndarray, shape (n,)
-        In their own units.
-    covariance : ndarray, shape (n, n)
-        Of the values, or of the logarithms of those that are fitted by their logarithms.
-    before : ndarray, shape (n,)
-        Standard deviations before the log, in the same measure; infinite where nothing was known.
-    """
-
-    free: tuple[FreeParameter, ...]
-    values: Array
+    free: tuple[FreeParameter, ...]  # the numbers
+    values: Array  # shape (n,): in their own units
+    # shape (n, n): of the values, or of the logarithms of those that are fitted by their logarithms
     covariance: Array
+    # shape (n,): standard deviations before the log, in the same measure; infinite where nothing
+    # was known
     before: Array
 
     def kept(self, narrowed: float, places: Sequence[int]) -> list[int]:
@@ -131,8 +122,6 @@ def jacobian_at(fitter: HypothesisFitter, values: Array, rules: CalibrationRules
 
     Parameters
     ----------
-    fitter : HypothesisFitter
-        Of the numbers.
     values : ndarray, shape (n,)
         The point, in own units.
     rules : CalibrationRules
@@ -165,12 +154,8 @@ def knowledge(
 
     Parameters
     ----------
-    fitter : HypothesisFitter
-        The fitter, with the background of the fit.
     folds : Folds
         Blocks of time of the problem.
-    fitted : Hypothesis
-        The fit.
     rules : CalibrationRules
         How far errors are correlated, and how much more than they show the laws of a rig differ.
     """

@@ -16,20 +16,12 @@ from pam_gap.prediction.fit import Array
 
 @dataclass(frozen=True, slots=True)
 class Posterior:
-    """The numbers of one joint after a calibration.
+    """The numbers of one joint after a calibration."""
 
-    Attributes
-    ----------
-    numbers : tuple of FreeRigNumber
-        All that were free, sensors and small effects of a good rig included.
-    values : ndarray, shape (n,)
-        In their own units.
-    covariance : ndarray, shape (n, n)
-        Of the values, or of the logarithms of those that are fitted by their logarithms.
-    """
-
+    # all that were free, sensors and small effects of a good rig included
     numbers: tuple[FreeRigNumber, ...]
-    values: Array
+    values: Array  # shape (n,): in their own units
+    # shape (n, n): of the values, or of the logarithms of those that are fitted by their logarithms
     covariance: Array
 
     @property

@@ -168,8 +168,6 @@ def fit_stage(
         The recordings.
     stage : FitStage
         One of `stages`.
-    numbers : sequence of FreeRigNumber
-        All free numbers.
     vector : ndarray, shape (n_parameters,)
         The plant before.
     """
@@ -207,18 +205,10 @@ def fit_stage(
 
 @dataclass(frozen=True)
 class JointFit:
-    """The fit of all numbers together.
+    """The fit of all numbers together."""
 
-    Attributes
-    ----------
-    fitter : HypothesisFitter
-        Its numbers, and the small errors of valves and sensors beside them.
-    fitted : Hypothesis
-        The result, without effects of the table.
-    """
-
-    fitter: HypothesisFitter
-    fitted: Hypothesis
+    fitter: HypothesisFitter  # its numbers, and the small errors of valves and sensors beside them
+    fitted: Hypothesis  # the result, without effects of the table
 
 
 def fit_together(

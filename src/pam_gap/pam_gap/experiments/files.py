@@ -92,8 +92,6 @@ def write_experiment(
         It is created if it does not exist.
     rig, joint : Rig, int
         The rig, and the number of the joint that moves.
-    excitation : Excitation
-        The experiment.
     facts : dict
         Further entries of experiment.json.
     """

@@ -38,8 +38,6 @@ def holding_commands(rig: Rig, pressures: Mapping[str, float]) -> list[float]:
 
     Parameters
     ----------
-    rig : Rig
-        The rig.
     pressures : mapping
         Muscle -> measured pressure [Pa gauge]. A muscle with a regulator is vented if its pressure
         is not known.

@@ -40,28 +40,17 @@ from pam_model.plant.simulate import Plant, initial_state
 
 @dataclass(frozen=True, slots=True)
 class Separation:
-    """How well one excitation would separate the hypotheses.
+    """How well one excitation would separate the hypotheses."""
 
-    Attributes
-    ----------
-    excitation : Excitation
-        Excitation of the menu.
-    smallest : float
-        Smallest expected difference of the levels of two hypotheses (sum over channels of the log
-        mean square, both recordings together).
-    in_noise : float
-        RMS difference between the predictions of these two after the re-fit, in units of the noise
-        floor.
-    closest : tuple of str
-        Labels of these two hypotheses.
-    decisive : float
-        Expected difference of the levels that counts as separating two hypotheses.
-    """
-
-    excitation: Excitation
+    excitation: Excitation  # excitation of the menu
+    # smallest expected difference of the levels of two hypotheses (sum over channels of the log
+    # mean square, both recordings together)
     smallest: float
+    # RMS difference between the predictions of these two after the re-fit, in units of the noise
+    # floor
     in_noise: float
-    closest: tuple[str, str]
+    closest: tuple[str, str]  # labels of these two hypotheses
+    # expected difference of the levels that counts as separating two hypotheses
     decisive: float = DEFAULT.experiment.decisive
 
     @property
@@ -81,8 +70,6 @@ def simulate_excitation(
         Rig, and recordings that determine the channels and the noise of the new one.
     values : ndarray, shape (n_parameters,)
         Parameters of the plant.
-    excitation : Excitation
-        The excitation.
     """
     mounted = as_mounted(values[None], excitation.mounting)[0]
     parameters = replace(problem.base, values=mounted)
@@ -161,8 +148,6 @@ class ExperimentPlanner:
 
     Parameters
     ----------
-    fitter : HypothesisFitter
-        Of the diagnosis.
     survivors : sequence of Hypothesis
         At least two, the leading one first; `most_survivors` of them are compared.
     """

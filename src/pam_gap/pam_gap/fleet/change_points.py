@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -52,28 +52,24 @@ class Term:
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """A change that was found.
+    """A change that was found."""
 
-    Attributes
-    ----------
-    kind : str
-        `STEP` or `SLOPE`.
-    time, earliest, latest : float
-        Date and its 90 % interval [s]. A slope that begins with the series begins at its start.
-    size, low, high : float
-        Step in the unit of the values, or slope in that unit per second; 90 % interval.
-    from_start : bool
-        Whether it is a slope over the whole series.
-    """
-
-    kind: str
+    kind: str  # `STEP` or `SLOPE`
+    # time, earliest, latest: Date and its 90 % interval [s]. A slope that begins with the series
+    # begins at its start.
     time: float
     earliest: float
     latest: float
+    # size, low, high: step in the unit of the values, or slope in that unit per second; 90 %
+    # interval
     size: float
     low: float
     high: float
-    from_start: bool = False
+    from_start: bool = False  # whether it is a slope over the whole series
+
+    def scaled(self, unit: float) -> Change:
+        """The same change with its size in another unit."""
+        return replace(self, size=unit * self.size, low=unit * self.low, high=unit * self.high)
 
 
 @dataclass(frozen=True, slots=True)
@@ -323,15 +319,8 @@ def find_changes(time: Array, value: Array, deviation: Array) -> SeriesModel:
     series = _Series(time, value / unit, deviation / unit)
     fit = series.search()
     changes = sorted(
-        (_scaled(series.change(fit, k), unit) for k in range(len(fit.terms))), key=lambda c: c.time
+        (series.change(fit, k).scaled(unit) for k in range(len(fit.terms))), key=lambda c: c.time
     )
     curve = unit * (series.columns(fit.terms) @ fit.coefficients)
     rate = sum(c.size for c in changes if c.kind == SLOPE)
     return SeriesModel(tuple(changes), curve, unit * fit.spread, float(curve[-1]), rate)
-
-
-def _scaled(change: Change, unit: float) -> Change:
-    return Change(
-        change.kind, change.time, change.earliest, change.latest,
-        unit * change.size, unit * change.low, unit * change.high, change.from_start,
-    )  # fmt: skip

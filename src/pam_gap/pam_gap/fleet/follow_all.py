@@ -31,24 +31,15 @@ Rows = list[dict[str, Any]]
 
 @dataclass(frozen=True, slots=True)
 class Followed:
-    """The effects of one joint that are fitted on all its recordings.
+    """The effects of one joint that are fitted on all its recordings."""
 
-    Attributes
-    ----------
-    robot, joint : str
-        Which joint.
-    labels : tuple of str
-        The effects.
-    rows : tuple of (str, float, mapping)
-        Recording, time, and a row of `tracking.follow`.
-    failures : tuple of (str, str)
-        Recordings on which they cannot be fitted, each with the reason.
-    """
-
+    # robot, joint: which joint
     robot: str
     joint: str
-    labels: tuple[str, ...]
+    labels: tuple[str, ...]  # the effects
+    # recording, time, and a row of `tracking.follow`
     rows: tuple[tuple[str, float, Mapping[str, Any]], ...]
+    # recordings on which they cannot be fitted, each with the reason
     failures: tuple[tuple[str, str], ...]
 
 

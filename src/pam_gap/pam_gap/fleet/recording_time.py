@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pam_gap.recordings.broken_bag import bag_reader, read_bag
+from pam_gap.recordings.broken_bag import beginning, read_bag
 from pam_gap.recordings.import_csv import is_table, read_columns
 from pam_gap.recordings.import_recording import is_bag
 from pam_model.errors import PamError
@@ -44,12 +44,6 @@ def read_date(text: str, where: str) -> float:
     return (found if found.tzinfo else found.replace(tzinfo=UTC)).timestamp()
 
 
-def _start(files: list[Path]) -> float:
-    """The first stamp of a bag [s]."""
-    with bag_reader(files) as reader:
-        return 1e-9 * float(reader.start_time)
-
-
 def first_stamp(path: Path) -> float | None:
     """The first stamp of a bag or table as Unix time [s]; None if it is no date or unreadable.
 
@@ -57,7 +51,7 @@ def first_stamp(path: Path) -> float | None:
     """
     try:
         if is_bag(path):
-            stamp, _ = read_bag(path, _start)
+            stamp, _ = read_bag(path, beginning)
         elif is_table(path):
             stamp = float(read_columns(path, rows=1).columns["time"][0])
         else:

@@ -17,10 +17,9 @@ import numpy as np
 
 from pam_gap.diagnose_recordings import joints_to_diagnose, usable_parts
 from pam_gap.diagnosis_engine import DiagnosisOptions, JointDiagnosis
-from pam_gap.inference.candidates import Candidate, candidates_for
+from pam_gap.inference.candidates import NESTED, Candidate, candidates_for
 from pam_gap.inference.confidence import parameter_intervals
 from pam_gap.inference.score import level
-from pam_gap.inference.selection import NESTED
 from pam_gap.prediction.identifiable import what_is_missing
 from pam_gap.recordings.column_map import load_column_map
 from pam_gap.recordings.computed_channels import without_computed

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import starmap
 from pathlib import Path
 
@@ -12,7 +13,9 @@ import numpy as np
 from pam_gap.answer.html_page import html_page
 from pam_gap.answer.traces import (
     IMPROVED,
+    NO_FIGURES,
     Drawn,
+    drawn_or_reason,
     embedded,
     thinned,
     time_figure,
@@ -22,7 +25,6 @@ from pam_gap.answer.user_units import told, user_unit
 from pam_gap.recordings.column_map import ColumnMap, MappedColumn, unit_of
 from pam_gap.recordings.recording import COMMANDS, Array, Recording
 from pam_ros.foreign_text import shown
-from pam_ros.missing_packages import what_to_install
 
 POINTS = 3000
 MOST_UNUSED = 300
@@ -115,14 +117,9 @@ def _alt(channel: str, values: Array) -> str:
 def render(preview: Preview) -> str:
     """Return the page as text."""
     recording = preview.recording
-    drawn, no_plots = Drawn("", ()), ""
-    try:
-        if recording is not None and recording.values:
-            drawn = _drawn(recording)
-    except ModuleNotFoundError as error:
-        no_plots = what_to_install(error) or ""
-        if not no_plots:
-            raise
+    drawn, no_plots = NO_FIGURES, ""
+    if recording is not None and recording.values:
+        drawn, no_plots = drawn_or_reason(partial(_drawn, recording))
     unused = [
         (shown(name), count, f"{low:.4g}", f"{high:.4g}")
         for name, (count, low, high) in ((n, preview.columns[n]) for n in preview.unused)

@@ -28,6 +28,13 @@ from pam_model.rig import Joint, Rig
 from pam_model.robot import compose
 from pam_model.views.effect_scales import effect_scales
 
+NESTED = {
+    (effect.search.richer.than, effect.name)
+    for effect in EFFECTS.values()
+    if effect.search.richer is not None
+}
+"""Pairs (simple, rich): for some parameter values, the rich law equals the simple one."""
+
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
@@ -113,7 +120,7 @@ def richer_starts(rich: Candidate, simple: Candidate, values: Array) -> tuple[Ar
     Parameters
     ----------
     rich, simple : Candidate
-        One pair of `selection.NESTED`.
+        One pair of `NESTED`.
     values : ndarray
         Fitted values of the simpler law, in the order of its `free`.
     """

@@ -15,7 +15,6 @@ import numpy as np
 from pam_gap.inference.held_out import Folds
 from pam_gap.inference.hypothesis import Hypothesis, HypothesisFitter
 from pam_gap.inference.score import Score
-from pam_gap.inference.selection import resampled_blocks
 from pam_gap.prediction.fit import Array, Scaling, mean_squares
 from pam_gap.rules.decision_rules import DecisionRules
 
@@ -40,6 +39,36 @@ class Interval:
     def reaching(self, least: float) -> Interval:
         """The same value with an interval that reaches at least this far to either side of it."""
         return self.spanning(Interval(self.value, self.value - least, self.value + least))
+
+
+def circular_blocks(count: int, length: int, generator: np.random.Generator) -> np.ndarray:
+    """Indices of one circular block bootstrap sample.
+
+    Parameters
+    ----------
+    count : int
+        Number of observations in time order, and of indices returned.
+    length : int
+        Number of consecutive observations that are drawn together; a block that reaches the end
+        continues at the beginning.
+    generator : numpy.random.Generator
+        Draws the starts of the blocks.
+
+    Returns
+    -------
+    ndarray of int, shape (count,)
+    """
+    starts = generator.integers(count, size=-(-count // length))
+    sample: np.ndarray = ((starts[:, None] + np.arange(length)) % count).ravel()[:count]
+    return sample
+
+
+def resampled_blocks(
+    n_blocks: int, generator: np.random.Generator, rules: DecisionRules
+) -> np.ndarray:
+    """Indices of one bootstrap sample of the score blocks."""
+    length = max(1, min(rules.bootstrap_blocks, n_blocks // 4))
+    return circular_blocks(n_blocks, length, generator)
 
 
 def parameter_intervals(

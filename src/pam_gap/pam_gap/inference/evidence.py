@@ -17,14 +17,13 @@ from typing import Any
 import numpy as np
 
 from pam_gap.inference.score import Score
-from pam_gap.inference.search_growth import GrowthStep
 from pam_gap.prediction.fit import Array
 from pam_gap.prediction.locate import StageGap
 from pam_gap.recordings.array_files import npz_arrays
 from pam_model.errors import PamError
 from pam_model.reading import reading
 
-FORMAT = 6
+FORMAT = 7
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,9 +42,9 @@ class Evidence[S: Score]:
     tried: tuple[S, ...]  # scores of the finalists after the search
     singles: tuple[str, ...]  # all effects, in the order of their levels as single effects
     stages: tuple[StageGap, ...]  # the gap of each stage
-    # state at each decision to seek one more effect, and whether it was sought
-    growth: tuple[tuple[GrowthStep, bool], ...]
     unlisted: tuple[S, ...] = ()  # scores of causes outside the table of effects
+    # score of a flexible law of the signals, which contains no physics; None where it was not made
+    flexible: S | None = None
     # index in `tried` -> score after the last fit, for the hypotheses that had one
     settled: Mapping[int, S] = field(default_factory=dict)
     # score of the fit that the improved rig file holds; None without such a file
@@ -58,8 +57,7 @@ class Evidence[S: Score]:
         scores: list[Score] = [self.written, self.nominal, *self.tried]
         scores += [self.settled[k] for k in places]
         scores += self.unlisted
-        if self.improved is not None:
-            scores.append(self.improved)
+        scores += [one for one in (self.flexible, self.improved) if one is not None]
         about = {
             "format": FORMAT,
             "scores": [
@@ -76,10 +74,10 @@ class Evidence[S: Score]:
             "tried": len(self.tried),
             "settled": places,
             "unlisted": len(self.unlisted),
+            "flexible": int(self.flexible is not None),
             "improved_for": self.improved_for,
             "singles": list(self.singles),
             "stages": [[s.stage, s.inputs, s.gap_over_floor, s.note] for s in self.stages],
-            "growth": [[*step.to_list(), went_on] for step, went_on in self.growth],
         }
         np.savez_compressed(
             path,
@@ -132,6 +130,7 @@ def _of(path: Path, file: Mapping[str, Any]) -> Evidence[Score]:
     end = 2 + about["tried"]
     settled_end = end + len(about["settled"])
     last = settled_end + about["unlisted"]
+    flexible_end = last + about["flexible"]
     return Evidence(
         floor=file["floor"],
         background=file["background"],
@@ -142,9 +141,9 @@ def _of(path: Path, file: Mapping[str, Any]) -> Evidence[Score]:
         tried=tuple(scores[2:end]),
         singles=tuple(about["singles"]),
         stages=tuple(StageGap(*entry) for entry in about["stages"]),
-        growth=tuple((GrowthStep(*entry[:-1]), bool(entry[-1])) for entry in about["growth"]),
         unlisted=tuple(scores[settled_end:last]),
+        flexible=next(iter(scores[last:flexible_end]), None),
         settled=dict(zip(about["settled"], scores[end:settled_end], strict=True)),
-        improved=next(iter(scores[last:]), None),
+        improved=next(iter(scores[flexible_end:]), None),
         improved_for=about["improved_for"],
     )

@@ -12,18 +12,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from pam_gap.inference.decision import Judge
+from pam_gap.inference.evidence import Evidence
 from pam_gap.inference.hypothesis import Hypothesis, HypothesisFitter
-from pam_gap.inference.logistic import logistic
-from pam_gap.inference.score import Score
+from pam_gap.inference.posterior import posterior
 from pam_gap.prediction.fit import mean_squares
-from pam_gap.rules import DEFAULT
+from pam_gap.rules import DEFAULT, Rules
 from pam_gap.rules.search_rules import SearchRules
 from pam_model.plant.written_numbers import LENGTHS
 from pam_model.rig import Rig
+
+WRONG_LENGTHS = "wrong lengths"
+"""Name of the cause that lengths beyond the tolerance of a ruler are."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +37,6 @@ class LooseLengths:
     share: float  # share of the RMS error that the lengths remove
     channel: str  # channel of this error
     tolerance: float  # relative tolerance that was assumed for them
-    numbers: int  # number of lengths that were fitted
 
     @property
     def caution(self) -> str:
@@ -65,27 +67,22 @@ def as_measured(rig: Rig, rules: SearchRules = DEFAULT.search) -> Rig:
     return replace(rig, length_tolerance=min(rules.ruler, rig.parameter_tolerance))
 
 
-def probability_of_lengths(
-    judge: Judge, loose: Score, lengths: LooseLengths, tight: Score
-) -> float:
-    """Probability that wrong lengths are the explanation, rather than a hypothesis without them.
+def probability_of_lengths(tight: Evidence[Any], loose: Evidence[Any], rules: Rules) -> float:
+    """Probability that wrong lengths are a part of the explanation.
+
+    They count as one more cause. Numbers of the rig file have no price in any explanation.
 
     Parameters
     ----------
-    judge : Judge
-        Of the hypothesis without them.
-    loose : Score
-        Score of the hypothesis with loose lengths; they count as one more cause.
-    lengths : LooseLengths
-        These lengths.
-    tight : Score
-        Score of the hypothesis without loose lengths.
+    tight, loose : Evidence
+        What the searches with lengths as measured and with loose ones found.
+    rules : Rules
+        What is believed beforehand, and what matters.
     """
-    rules = judge.rules
-    energy = judge.level(loose) + rules.price * (loose.free_numbers + lengths.numbers)
-    energy += rules.further_gain * loose.size
-    width = rules.temperature * rules.tempering
-    return logistic((judge.energy(tight) - energy) / width)
+    fits = [loose.nominal, *(loose.settled.get(k, one) for k, one in enumerate(loose.tried))]
+    wrong = [replace(one, effects=(*one.effects, WRONG_LENGTHS)) for one in fits]
+    found = posterior(replace(tight, tried=(*tight.tried, *wrong)), rules)
+    return sum(p for name, p in found.items() if WRONG_LENGTHS in name.split(" + "))
 
 
 def shared_probabilities(
@@ -134,5 +131,4 @@ def loose_lengths(fitter: HypothesisFitter, hypothesis: Hypothesis) -> LooseLeng
         float(removed[most]),
         problem.names[most],
         rig.parameter_tolerance,
-        len(lengths),
     )

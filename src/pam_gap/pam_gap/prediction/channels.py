@@ -31,45 +31,31 @@ from pam_model.views.air_drawn import air_drawn
 
 @dataclass(frozen=True, slots=True)
 class Channels:
-    """One recording in the form that the observer expects.
+    """One recording in the form that the observer expects."""
 
-    Attributes
-    ----------
-    recording : Recording
-        The recording from which the arrays were taken.
-    commands : ndarray, shape (N, 2)
-        Valve commands; 0 where the recording has none.
-    measured, known : ndarray, shape (N, N_CHANNELS)
-        Pressures, position and forces, and whether each value is a true sample.
-    deviation : ndarray, shape (N_CHANNELS,)
-        Standard deviation of the white noise in the channel's unit; NaN if not recorded.
-    block_deviation : ndarray, shape (N_CHANNELS,)
-        Standard deviation of the mean of a block. Quantisation errors are not averaged out,
-        because they are constant while the joint is at rest.
-    has_commands : bool
-        Whether valve commands were recorded, or are known since the valves were shut.
-    votes : ndarray of bool, shape (N_CHANNELS,)
-        Whether a channel is compared with its prediction. The position of a locked joint and the
-        `silent` channels of a recording are known but not compared.
-    external : ndarray, shape (N,) or None
-        External torque on the joint [N m]; None if it was not recorded.
-    drawn : ndarray, shape (N, 2) or None
-        What the muscles of other joints draw from the supply that all share, see
-        `pam_model.views.air_drawn`; None if nothing is known of it.
-    arm : UnevenPulley
-        Lever arm of the pulley; by default that of a round one with the stated radius.
-    """
-
-    recording: Recording
-    commands: Array
+    recording: Recording  # the recording from which the arrays were taken
+    commands: Array  # shape (N, 2): valve commands; 0 where the recording has none
+    # measured, known: shape (N, N_CHANNELS): pressures, position and forces, and whether each value
+    # is a true sample
     measured: Array
     known: npt.NDArray[np.bool_]
+    # shape (N_CHANNELS,): standard deviation of the white noise in the channel's unit; NaN if not
+    # recorded
     deviation: Array
+    # shape (N_CHANNELS,): Standard deviation of the mean of a block. Quantisation errors are not
+    # averaged out, because they are constant while the joint is at rest.
     block_deviation: Array
+    # whether valve commands were recorded, or are known since the valves were shut
     has_commands: bool
+    # shape (N_CHANNELS,): Whether a channel is compared with its prediction. The position of a
+    # locked joint and the `silent` channels of a recording are known but not compared.
     votes: npt.NDArray[np.bool_]
+    # shape (N,): external torque on the joint [N m]; None if it was not recorded
     external: Array | None = None
+    # shape (N, 2): what the muscles of other joints draw from the supply that all share, see
+    # `pam_model.views.air_drawn`; None if nothing is known of it
     drawn: Array | None = None
+    # lever arm of the pulley; by default that of a round one with the stated radius
     arm: UnevenPulley = ROUND
 
 

@@ -41,24 +41,15 @@ class Direction(Enum):
 
 @dataclass(frozen=True, slots=True)
 class CrossPhase:
-    """How one signal follows another at low frequencies.
+    """How one signal follows another at low frequencies."""
 
-    Attributes
-    ----------
-    phase : float
-        Absolute phase of the mean cross spectrum [deg], 0 to 180.
-    coherence : float
-        Squared magnitude of the mean cross spectrum over both mean powers, 0 to 1.
-    lowest, highest : float
-        Band of frequencies [Hz].
-    direction : Direction
-        UNDECIDED where the signals are not coherent enough.
-    """
-
-    phase: float = math.nan
+    phase: float = math.nan  # absolute phase of the mean cross spectrum [deg], 0 to 180
+    # squared magnitude of the mean cross spectrum over both mean powers, 0 to 1
     coherence: float = 0.0
+    # lowest, highest: band of frequencies [Hz]
     lowest: float = math.nan
     highest: float = math.nan
+    # UNDECIDED where the signals are not coherent enough
     direction: Direction = Direction.UNDECIDED
 
     def words(self, first: str, second: str) -> str:
@@ -71,19 +62,12 @@ class CrossPhase:
 
 @dataclass(frozen=True, slots=True)
 class Directions:
-    """Whether the pressures follow the commands, and the joint the pressures.
+    """Whether the pressures follow the commands, and the joint the pressures."""
 
-    Attributes
-    ----------
-    drive : CrossPhase
-        Of the difference of the commands and the torque of the pressures (its rate, for flow
-        valves, which admit air as long as they are open).
-    motion : CrossPhase
-        Of the torque of the pressures and the position.
-    """
-
+    # of the difference of the commands and the torque of the pressures (its rate, for flow valves,
+    # which admit air as long as they are open)
     drive: CrossPhase = CrossPhase()
-    motion: CrossPhase = CrossPhase()
+    motion: CrossPhase = CrossPhase()  # of the torque of the pressures and the position
 
 
 def without_trend(signal: Array) -> Array:

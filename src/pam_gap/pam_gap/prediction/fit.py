@@ -53,36 +53,22 @@ class FreeParameter:
 
 @dataclass(slots=True)
 class PlantFit:
-    """The result of a fit.
+    """The result of a fit."""
 
-    Attributes
-    ----------
-    values : ndarray, shape (n,)
-        Parameters in their own units.
-    errors : ndarray, shape (blocks, channels)
-        Whitened prediction errors at these values.
-    objective : float
-        Half the sum of n_c log J_c plus the priors, over the rows that were fitted.
-    columns : ndarray, shape (blocks, channels, k)
-        The last columns of the Jacobian, those after `reused`, in single precision.
-    iterations : int
-        Number of steps taken.
-    amounts : ndarray, shape (k,)
-        Amounts of the linear terms; `errors` contains them.
-    simulated : ndarray, shape (blocks, channels), optional
-        Errors of the simulation alone with these values; None where it was not simulated with them.
-    reused : ndarray, shape (blocks, channels, n - k), optional
-        The first columns of the Jacobian, where the fit did not compute them; many results share
-        them.
-    """
-
-    values: Array
-    errors: Array
-    objective: float
+    values: Array  # shape (n,): parameters in their own units
+    errors: Array  # shape (blocks, channels): whitened prediction errors at these values
+    objective: float  # half the sum of n_c log J_c plus the priors, over the rows that were fitted
+    # shape (blocks, channels, k): the last columns of the Jacobian, those after `reused`, in single
+    # precision
     columns: Slopes
-    iterations: int
+    iterations: int  # number of steps taken
+    # shape (k,): amounts of the linear terms; `errors` contains them
     amounts: Array = field(default_factory=lambda: np.zeros(0))
+    # shape (blocks, channels): errors of the simulation alone with these values; None where it was
+    # not simulated with them
     simulated: Array | None = None
+    # shape (blocks, channels, n - k): the first columns of the Jacobian, where the fit did not
+    # compute them; many results share them
     reused: Slopes | None = None
 
     @property

@@ -60,29 +60,20 @@ DIVERGED = 1e6
 
 @dataclass(frozen=True, slots=True)
 class PredictionSettings:
-    """How strongly a prediction is corrected by the measurements; the default is that of a fit.
+    """How strongly a prediction is corrected by the measurements; the default is that of a fit."""
 
-    Attributes
-    ----------
-    horizon : float or None
-        Time constant of the correction of the pressures [s]; infinite for a free run, None for the
-        horizon of the problem's rules.
-    position_bandwidth : float
-        If above 0, the motion is corrected towards the measured one with this bandwidth [rad/s].
-    window_time : float
-        If above 0, the state is reset to the measurements each time this time has passed [s].
-    follow_motion, follow_pressures : bool
-        Whether the motion or the pressures are set to the measured ones in every sample. The
-        pressures always are where no valve commands were recorded.
-    noise_seed : int or None
-        If given, one more draw of the channels' noise is added to the measurements.
-    """
-
+    # time constant of the correction of the pressures [s]; infinite for a free run, None for the
+    # horizon of the problem's rules
     horizon: float | None = None
+    # if above 0, the motion is corrected towards the measured one with this bandwidth [rad/s]
     position_bandwidth: float = 0.0
+    # if above 0, the state is reset to the measurements each time this time has passed [s]
     window_time: float = 0.0
+    # follow_motion, follow_pressures: Whether the motion or the pressures are set to the measured
+    # ones in every sample. The pressures always are where no valve commands were recorded.
     follow_motion: bool = False
     follow_pressures: bool = False
+    # if given, one more draw of the channels' noise is added to the measurements
     noise_seed: int | None = None
 
 
@@ -158,8 +149,6 @@ class PredictionProblem:
         The rig as its file describes it.
     joint : int
         Number of the joint.
-    recordings : sequence of Recording
-        Recordings of this rig.
     rules : Rules
         Hand-set constants of the diagnosis.
     threads : int

@@ -78,6 +78,12 @@ def bag_reader(files: Sequence[Path]) -> AnyReader:
     return AnyReader(list(files), default_typestore=get_typestore(Stores.ROS2_JAZZY))
 
 
+def beginning(files: Sequence[Path]) -> float:
+    """When a bag begins [s since the epoch]."""
+    with bag_reader(files) as reader:
+        return 1e-9 * float(reader.start_time)
+
+
 def stamp_in(message: Any) -> int:
     """The stamp in the header of a message [ns]; 0 without one."""
     header = getattr(message, "header", None)

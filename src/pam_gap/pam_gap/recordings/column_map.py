@@ -42,7 +42,7 @@ from pam_gap.recordings.recording import (
 )
 from pam_model.plain_yaml import PlainLoader
 from pam_model.reading import read_text, reading
-from pam_model.rig.keys import NUMBERS
+from pam_model.rig.types import NUMBERS
 from pam_model.unit_hints import RECORDED, conversion_hint
 from pam_ros.foreign_text import all_shown, shown
 
@@ -70,24 +70,15 @@ LARGEST_MAP: Final = 1 << 20
 
 @dataclass(frozen=True, slots=True)
 class MappedColumn:
-    """One column of a table as a channel: value = factor * column + offset, in SI units.
+    """One column of a table as a channel: value = factor * column + offset, in SI units."""
 
-    Attributes
-    ----------
-    column : str
-        The column; the first of a weighted sum. Empty for a value that is held, the offset.
-    factor, offset : float
-        Factor to the unit of the channel, and what is added in that unit.
-    weight : float
-        Weight of the column.
-    more : tuple of (str, float)
-        Further columns of a weighted sum, with their weights.
-    """
-
+    # The column; the first of a weighted sum. Empty for a value that is held, the offset.
     column: str
+    # factor, offset: factor to the unit of the channel, and what is added in that unit
     factor: float = 1.0
     offset: float = 0.0
-    weight: float = 1.0
+    weight: float = 1.0  # weight of the column
+    # further columns of a weighted sum, with their weights
     more: tuple[tuple[str, float], ...] = ()
 
     @property

@@ -60,8 +60,6 @@ def read_columns(path: Path, rows: int | None = None) -> Table:
 
     Parameters
     ----------
-    path : Path
-        The table.
     rows : int, optional
         Rows that are read of a table of text; all by default.
 
@@ -101,8 +99,6 @@ def read_table(path: Path, column_map: ColumnMap | None = None) -> RawRecording:
 
     Parameters
     ----------
-    path : Path
-        The table.
     column_map : ColumnMap, optional
         The columns of the channels, for a table with other names or units.
 

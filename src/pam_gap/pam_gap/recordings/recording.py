@@ -60,24 +60,13 @@ class RawChannel:
 
 @dataclass(slots=True)
 class RawRecording:
-    """The content of a file before any repair.
+    """The content of a file before any repair."""
 
-    Attributes
-    ----------
-    source : Path
-        The file.
-    channels : dict of str to RawChannel
-        Channels by contract name.
-    remarks : list of str
-        Remarks of the reader.
-    one_clock : bool
-        Whether all channels share their time stamps, as in a table. In a bag, each message has its
-        own stamp.
-    """
-
-    source: Path
-    channels: dict[str, RawChannel]
-    remarks: list[str] = field(default_factory=list)
+    source: Path  # the file
+    channels: dict[str, RawChannel]  # channels by contract name
+    remarks: list[str] = field(default_factory=list)  # remarks of the reader
+    # Whether all channels share their time stamps, as in a table. In a bag, each message has its
+    # own stamp.
     one_clock: bool = False
 
 

@@ -1,4 +1,6 @@
-"""Constants that turn held-out scores into a verdict.
+"""Constants of an ordinary background, of what matters, and of the intervals of an answer.
+
+Which causes are named follows from `pam_gap.rules.statement`.
 
 A level is the sum over channels of the log of mean squared error over noise floor. A difference of
 levels is twice the log likelihood ratio per observation. A fall of the level by 1 in one channel
@@ -10,8 +12,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from pam_gap.rules.rule import (
-    AFTER_3727343088,
-    BEFORE_3727343088,
     decision_rule,
     proposal_rule,
     rule,
@@ -20,7 +20,7 @@ from pam_gap.rules.rule import (
 
 @dataclass(frozen=True, slots=True)
 class DecisionRules:
-    """What a hypothesis must achieve to be named, and which others are reported with it."""
+    """What a good rig has, which error matters, and how wide intervals are."""
 
     # fmt: off
     ordinary_share: float = rule(0.58, unit="of the largest ordinary size",
@@ -119,136 +119,20 @@ class DecisionRules:
                "ordinary background counts as a gap.",
         origin="0.2 of the RMS error: drawn rigs with nothing hidden left 0.1 to 0.2 of it at "
                "the joint.")
-    temperature: float = proposal_rule(0.3, unit="level",
-        decides="Distance of levels that multiplies the odds of two explanations by e.",
-        trades="Larger: probabilities are nearer to each other. Smaller: answers are given with "
-               "more certainty. No verdict changes.",
-        origin="Of the size of `rival_gap`, within which hypotheses are reported together; too "
-               "few drawn rigs with a background were diagnosed to calibrate it.")
-    share_temperature: float = proposal_rule(0.03, unit="of the RMS error",
-        decides="Distance of a share of the error from its limit that multiplies the odds of two "
-                "explanations by e.",
-        trades="As for `temperature`.",
-        origin="Set by hand, so that a share that misses its limit by 0.1 speaks clearly; not "
-               "calibrated.")
-    cut_off_share: float = rule(0.5, unit="of the distance to the best hypothesis",
-        decides="How far a hypothesis whose size is at the end of the range that is searched "
-                "moves towards the best one in the probabilities, if it explains most of the gap.",
-        trades="Larger: causes next to such a hypothesis are less sure. Smaller: the bound of a "
-               "range decides between causes.",
-        origin="The middle between the level that was reached and the best one, since nothing is "
-               "known of what more of the effect would explain.")
-    tempering: float = proposal_rule(3.5, unit="-",
-        decides="Root that is taken of all probabilities before they are normalised.",
-        trades="Larger: probabilities are nearer to each other. Smaller: answers are given with "
-               "more certainty. No verdict changes.",
-        origin="Maximum likelihood over the 30 drawn rigs of `blind --background --seed 550113`, "
-               "which are not those of the published check.")
-    hidden_share: float = proposal_rule(0.3, unit="-",
-        decides="Share of the probability of `none` that belongs to causes which do not stand "
-                "out of an ordinary background; on a rig without a background it is 0.",
-        trades="Larger: the answer `none` is given with less certainty. No verdict changes.",
-        origin="Of 25 drawn rigs whose answer was `none` (seeds 550113, 90417, 740215 and a few "
-               "of 881206), 9 had something weak hidden; some of that was stated already.")
-    likely: float = decision_rule(0.5, unit="-",
-        decides="Probability below which one of several causes is not named.",
-        trades="Larger: real second causes are not named. Smaller: surplus causes are named.",
-        origin="More likely than not, by definition.")
-    no_gap: float = decision_rule(0.35, unit="level per channel",
-        decides="Highest level of the re-tuned nominal plant with the verdict `none`; 0.35 is an "
-                "RMS error of 1.19 times the noise floor.",
-        trades="Larger: weak effects are not reported. Smaller: small imperfections of a good "
-               "rig count as a gap.")
-    no_gap_unexplained: float = decision_rule(0.9, unit="level per channel",
-        decides="The same limit for a gap in addition to an ordinary background that no effect "
-                "explains: the verdict is then `none` instead of `unknown`. 0.9 is an RMS error "
-                "of 1.57 times an ordinary background.",
-        trades="Larger: small effects outside the table are not reported. Smaller: good rigs "
-               "with a larger background than usual become `unknown`.",
-        origin="Of 24 drawn rigs with nothing hidden (seeds 550113, 90417, 740215 and some of "
-               "881206), 23 left 0.62 or less; rigs with an effect outside the table that "
-               "nothing explained left 1.39 or more.")
     material_share: float = decision_rule(0.001, unit="of the motion",
-        decides="Share of a channel's range up to which a gap does not matter. If the re-tuned "
-                "plant leaves no more in any channel, the verdict is `none`. Option `--material` "
-                "of `diagnose`.",
+        decides="Share of a channel's range up to which a gap does not matter: silence about its "
+                "cause costs nothing. If the re-tuned plant leaves no more in any channel, the "
+                "verdict is `none`. Option `--material` of `diagnose`.",
         trades="Larger: small effects are called not worth a cause. Smaller: causes are sought "
                "for differences that no user would notice.",
         origin="The better end of the accuracy that data sheets of pressure sensors and encoders "
                "of such joints state (0.1 to 0.3 % of the range).")
     unexplained_factor: float = decision_rule(3.0, unit="of `material_share`",
         decides="Multiple of that share up to which a gap that no effect explains does not "
-                "matter: the verdict is then `none`, or the cause that leaves it, instead of "
-                "`unknown`.",
+                "matter: the verdict is then `none` instead of `unknown`.",
         trades="Larger: effects outside the table are not reported. Smaller: errors within the "
                "accuracy of the sensors become `unknown`.",
         origin="The other end of the accuracy of such sensors, 0.3 % of the range.")
-    no_gain: float = decision_rule(0.25, unit="level",
-        decides="Fall of the level below which no effect is named.",
-        trades="Larger: weak effects become `unknown`. Smaller: effects that fit by chance are "
-               "named.")
-    further_gain: float = decision_rule(1.2, unit="level",
-        decides="Smallest fall of the level for which a further effect is accepted.",
-        trades="Larger: small second effects are missed. Smaller: surplus effects are accepted "
-               "that only absorb the model error of the first effect's law.")
-    further_share: float = decision_rule(0.22, unit="of the first fall",
-        decides="A further effect must reduce the level by this share of the reduction that the "
-                "effects before it achieved. It is enough if one of the three conditions "
-                "`further_share`, `further_rest` and `further_alone` holds.",
-        trades="As for `further_gain`.")
-    further_rest: float = decision_rule(0.5, unit="of the rest",
-        decides="A further effect reduces the level by this share of what the effects before it "
-                "leave.",
-        trades="As for `further_gain`.",
-        origin=BEFORE_3727343088)
-    further_alone: float = decision_rule(3.0, unit="-",
-        decides="A further effect reduces the level by this many times the reduction by the next "
-                "best further effect. Several effects can absorb a model error equally well, but "
-                "only the true effect stands out.",
-        trades="As for `further_gain`.",
-        origin=BEFORE_3727343088)
-    simpler_gain: float = decision_rule(1.0, unit="level",
-        decides="Fall of the level that a richer law of the same effect must achieve.",
-        trades="Larger: Stribeck friction is reported as Coulomb friction. Smaller: Coulomb "
-               "friction is reported as Stribeck friction.")
-    simpler_share: float = decision_rule(0.03, unit="of the fall",
-        decides="The same limit as a share of the total fall of the level; the larger limit "
-                "applies.",
-        trades="As for `simpler_gain`.")
-    rival_gap: float = decision_rule(0.5, unit="level",
-        decides="Distance of levels below which hypotheses are reported together, because their "
-                "laws are approximate.",
-        trades="Larger: more `ambiguous` verdicts and larger sets. Smaller: nearly equal "
-               "hypotheses are decided by chance.")
-    rival_share: float = decision_rule(0.06, unit="of the fall",
-        decides="The same distance as a share of the total fall of the level; the larger "
-                "distance applies.",
-        trades="As for `rival_gap`.")
-    rival_tied: float = decision_rule(2.0, unit="-",
-        decides="Factor on that distance when both hypotheses are in the Model Confidence Set.",
-        trades="As for `rival_gap`.")
-    rival_part: float = decision_rule(0.5, unit="of the last gain",
-        decides="Share of the last effect's reduction of the level that an effect in its place "
-                "must achieve to be reported with it.",
-        trades="Larger: fewer rivals. Smaller: rivals that explain little are reported.",
-        origin=BEFORE_3727343088)
-    price: float = decision_rule(0.05, unit="level per free number",
-        decides="Penalty on the level for each free parameter when hypotheses are ranked, so "
-                "that of equal hypotheses the one with fewer parameters comes first.",
-        trades="Larger: effects with few parameters come first. Smaller: effects with many "
-               "parameters come first by chance.",
-        origin=AFTER_3727343088)
-    closed_at_least: float = decision_rule(0.60, unit="of the RMS gap",
-        decides="Share of the gap (mean over channels) that must be closed if the law of an "
-                "effect has several forms; otherwise the verdict is `unknown`.",
-        trades="Larger: true effects whose law differs from the fitted one become `unknown`. "
-               "Smaller: effects outside the table are named as known ones.")
-    gap_of_channel: float = decision_rule(1.5, unit="RMS over floor",
-        decides="Error above which a channel is included in that mean.",
-        trades="Larger: only the channels with the largest errors decide. Smaller: channels with "
-               "almost no gap can cause `unknown`.",
-        origin="Introduced with the measured pair of shut muscles (tests/data/closed_pair), so "
-               "that channels with almost no gap do not count. No derivation.")
     ordinary_reach: float = rule(4.0, unit="of the RMS error",
         decides="Multiple of what an ordinary background leaves above which an effect that alone "
                 "removes most of the error is a cause, however small it is.",
@@ -256,46 +140,22 @@ class DecisionRules:
                "the hysteresis of a good rig is named on rigs with a larger background.",
         origin="Re-tuned rigs with nothing hidden left up to 1.8 times the predicted background "
                "on drawn rigs; the measured pair of shut muscles leaves 9 times as much.")
-    most_of_the_gap: float = decision_rule(0.5, unit="of the RMS error",
-        decides="Share of the error above the noise, in the channels that stand out of an "
-                "ordinary background, that causes must remove to be named; otherwise the verdict "
-                "is `unknown`.",
-        trades="Larger: true effects with a large background become `unknown`. Smaller: effects "
-               "outside the table are named as known ones.",
+    most_of_the_gap: float = rule(0.5, unit="of the RMS error",
+        decides="Share of an error that counts as most of it: of an explanation that is named, of "
+                "an effect of ordinary size that is a cause all the same, of lengths whose "
+                "tolerance is not stated, and of an explanation at the end of its range that is "
+                "said besides the named one.",
+        trades="Larger: more verdicts are unknown, and such effects, lengths and explanations are "
+               "passed over. Smaller: causes are named that explain little of the gap.",
         origin="Most of it, by definition.")
-    sharp_fall: float = decision_rule(0.60, unit="of the level",
-        decides="Share of the level that must be removed if the law of every effect has only one "
-                "form; otherwise the verdict is `unknown`.",
-        trades="As for `closed_at_least`.")
-    sharp_left: float = decision_rule(1.17, unit="level per channel",
-        decides="Highest remaining level if the law of every effect has only one form; above it "
-                "the verdict is `unknown`.",
-        trades="Larger: effects outside the table are named as known ones. Smaller: small "
-               "imperfections of an ordinary rig turn offsets, gains and delays into `unknown`.",
-        origin="3.5 for three channels, hand-set in the first version of the diagnosis; per "
-               "channel since rigs with load cells have five.")
-    confidence_size: float = decision_rule(0.10, unit="-",
-        decides="Significance level of the test of the Model Confidence Set.",
-        trades="Larger: smaller sets. Smaller: larger sets and more ties.",
-        origin="One of the two levels, 0.10 and 0.25, that Hansen, Lunde and Nason (2011) report.")
     bootstraps: int = decision_rule(500, unit="-",
-        decides="Number of bootstrap samples for the confidence set, the weights and the "
-                "intervals.",
-        trades="Fewer: the weights and p-values are noisier. More: the diagnosis takes longer.",
-        origin="Numerical setting; the standard error of a p-value of 0.1 is 0.013.")
+        decides="Number of bootstrap samples for the intervals.",
+        trades="Fewer: the intervals are noisier. More: the diagnosis takes longer.",
+        origin="Numerical setting.")
     bootstrap_blocks: int = decision_rule(4, unit="score blocks",
         decides="Number of consecutive score blocks that the bootstrap draws together.",
-        trades="Fewer than the correlation time of the errors: sets and intervals are too small. "
+        trades="Fewer than the correlation time of the errors: intervals are too small. "
                "More: too few independent blocks.")
-    fewest_blocks: int = decision_rule(8, unit="score blocks",
-        decides="Number of score blocks below which no confidence set is computed; levels within "
-                "`rival_gap` then count as tied.",
-        trades="Matters only for recordings of a few seconds.")
-    equal_level: float = decision_rule(1e-3, unit="level",
-        decides="Distance of levels below which hypotheses share the weight of a bootstrap "
-                "sample.",
-        trades="Smaller: rounding decides which of two equal hypotheses comes first.",
-        origin="Numerical setting, the size of the rounding errors of the scores.")
     motion_spread: float = decision_rule(0.55, unit="log of the share left",
         decides="Standard deviation, from one motion to another, of the share of the gap that is "
                 "left; it widens the interval of `closed`.",
@@ -328,10 +188,6 @@ class DecisionRules:
         origin="40 parameters of the 60 clean rigs of `blind --seed 1097762585`, whose plant has "
                "other laws: intervals without a limit held 27 of the true values. With the "
                "limit, 43 of 54 intervals of 60 fresh clean rigs of seed 20263006.")
-    leftover_ridge: float = proposal_rule(1e-3, unit="-",
-        decides="Ridge parameter of the flexible regression on the residuals of the best "
-                "hypothesis. Its result is reported and does not affect the verdict.",
-        trades="Changes only the figure `leftover_explained`.")
     bound_reach: float = proposal_rule(1e-3, unit="of the range",
         decides="Distance from the upper bound below which a parameter is reported to be at the "
                 "bound.",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from pam_gap.rules.rule import NUMERICAL, rule
+from pam_gap.rules.rule import AFTER_3727343088, BEFORE_3727343088, NUMERICAL, rule
 
 _STEPS = (
     "Fewer: a hypothesis is judged before its fit has converged. More: the diagnosis takes longer."
@@ -237,4 +237,41 @@ class SearchRules:
         decides="Steps with which the fit to all data is continued on one fold.",
         trades="Fewer: the score is not fully independent of the held-out data. More: the "
                "diagnosis takes longer.")
+    no_gap: float = rule(0.35, unit="level per channel",
+        decides="Level up to which nothing more is sought; 0.35 is an RMS error of 1.19 times the "
+                "noise floor.",
+        trades="Larger: weak second effects and causes outside the table are not tried. Smaller: "
+               "the diagnosis takes longer.")
+    further_gain: float = rule(1.2, unit="level",
+        decides="Smallest fall of the level by a further effect after which one more is sought.",
+        trades="Larger: rigs with several effects are not searched to the end. Smaller: the "
+               "diagnosis takes longer.")
+    further_share: float = rule(0.22, unit="of the first fall",
+        decides="A further effect must reduce the level by this share of the reduction that the "
+                "effects before it achieved. It is enough if one of the three conditions "
+                "`further_share`, `further_rest` and `further_alone` holds.",
+        trades="As for `further_gain`.")
+    further_rest: float = rule(0.5, unit="of the rest",
+        decides="A further effect reduces the level by this share of what the effects before it "
+                "leave.",
+        trades="As for `further_gain`.",
+        origin=BEFORE_3727343088)
+    further_alone: float = rule(3.0, unit="-",
+        decides="A further effect reduces the level by this many times the reduction by the next "
+                "best further effect. Several effects can absorb a model error equally well, but "
+                "only the true effect stands out.",
+        trades="As for `further_gain`.",
+        origin=BEFORE_3727343088)
+    completed_from: float = rule(0.1, unit="-",
+        decides="Probability of a set of causes from which its fit is completed before the "
+                "decision.",
+        trades="Larger: an explanation is judged before its fit has converged. Smaller: the "
+               "diagnosis takes longer.",
+        origin="Set by hand, for the time of a diagnosis.")
+    price: float = rule(0.05, unit="level per free number",
+        decides="Penalty on the level for each free parameter when hypotheses are ranked, so "
+                "that of equal hypotheses the one with fewer parameters comes first.",
+        trades="Larger: effects with few parameters come first. Smaller: effects with many "
+               "parameters come first by chance.",
+        origin=AFTER_3727343088)
     # fmt: on

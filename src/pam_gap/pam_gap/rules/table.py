@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import re
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
@@ -10,14 +12,18 @@ from pam_gap.rules.experiment_rules import ExperimentRules
 from pam_gap.rules.fleet_rules import FleetRules
 from pam_gap.rules.prediction_rules import PredictionRules
 from pam_gap.rules.recording_rules import RecordingRules
+from pam_gap.rules.rule import DECISION
 from pam_gap.rules.search_rules import SearchRules
+from pam_gap.rules.statement import CALIBRATED, STATEMENT, Statement
 from pam_model.errors import PamError
+from pam_model.names import unknown
 
 
 @dataclass(frozen=True, slots=True)
 class Rules:
-    """Every hand-set constant of the diagnosis, grouped by the step on which it acts."""
+    """Every constant of the diagnosis, grouped by the step on which it acts."""
 
+    statement: Statement = STATEMENT
     recording: RecordingRules = field(default_factory=RecordingRules)
     prediction: PredictionRules = field(default_factory=PredictionRules)
     search: SearchRules = field(default_factory=SearchRules)
@@ -72,7 +78,7 @@ class RuleEntry:
 
 def table(rules: Rules = DEFAULT) -> tuple[RuleEntry, ...]:
     """Every constant with its value and its texts; switches have no row."""
-    entries = []
+    entries = _beliefs(rules.statement)
     for group in fields(rules):
         part: Any = getattr(rules, group.name)
         for one in fields(part):
@@ -82,6 +88,29 @@ def table(rules: Rules = DEFAULT) -> tuple[RuleEntry, ...]:
             value = getattr(part, one.name)
             entries.append(RuleEntry(group.name, one.name, value, **about))
     return tuple(entries)
+
+
+def _beliefs(statement: Statement) -> list[RuleEntry]:
+    """The numbers of the statement of belief, which its docstring describes."""
+    told = re.findall(
+        r"(?m)^    ((?:\w+, )*\w+) : float\n((?:        .*\n?)+)", Statement.__doc__ or ""
+    )
+    texts = {name: " ".join(text.split()) for names, text in told for name in names.split(", ")}
+    return [
+        RuleEntry(
+            group="statement",
+            name=one.name,
+            value=getattr(statement, one.name),
+            unit="-",
+            decides=texts.get(one.name, ""),
+            trades="See [what we believe](what_we_believe.md).",
+            origin="Calibrated by `./pam check calibrate-statement`."
+            if one.name in CALIBRATED
+            else "Set by hand.",
+            acts=DECISION,
+        )
+        for one in fields(statement)
+    ]
 
 
 def changed(path: str, value: float, rules: Rules = DEFAULT) -> Rules:
@@ -99,11 +128,12 @@ def changed(path: str, value: float, rules: Rules = DEFAULT) -> Rules:
     Raises
     ------
     PamError
-        When there is no rule with that name.
+        When there is no rule with that name, or a number of the statement is not above 0.
     """
     entry = next((one for one in table(rules) if one.path == path), None)
     if entry is None:
-        known = ", ".join(one.path for one in table(rules))
-        raise PamError(f"no rule {path!r}; the rules are {known}")
+        raise PamError(unknown("constant", path, (one.path for one in table(rules))))
+    if entry.group == "statement" and not (math.isfinite(value) and value > 0.0):
+        raise PamError(f"{path}={value:g}: expected a number above 0")
     part: Any = getattr(rules, entry.group)
     return replace(rules, **{entry.group: replace(part, **{entry.name: value})})

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from pam_gap.inference.decision import Judge
 from pam_gap.inference.held_out import make_folds
 from pam_gap.inference.hypothesis import FitTask, Hypothesis, HypothesisFitter
+from pam_gap.inference.judge import Judge
 from pam_gap.prediction.fit import mean_squares
 from pam_gap.prediction.materiality import squared_motion
 from pam_gap.search.candidate_search import SearchResult
@@ -32,7 +32,7 @@ def search_of_the_beginning(whole: EffectSearch) -> EffectSearch | None:
             return EffectSearch(
                 HypothesisFitter(small, fitter.floor),
                 make_folds(small),
-                Judge(fitter.floor, present, whole.rules.decision, motion),
+                Judge(fitter.floor, present, whole.rules, motion),
                 whole.candidates,
                 whole.progress,
                 confirms=lambda clean: _explains(whole, clean),

@@ -14,11 +14,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pam_gap.inference.candidates import Candidate, richer_starts
+from pam_gap.inference.candidates import NESTED, Candidate, richer_starts
 from pam_gap.inference.hypothesis import FitTask, Hypothesis, HypothesisFitter
 from pam_gap.inference.score import level
-from pam_gap.inference.search_growth import GrowthStep
-from pam_gap.inference.selection import NESTED
 from pam_gap.prediction.fit import Array, Slopes
 from pam_gap.rules.search_rules import SearchRules
 
@@ -39,8 +37,6 @@ class SearchResult:
     by_size: list[list[Hypothesis]] = field(default_factory=list)
     singles: tuple[str, ...] = ()  # all effects, in the order of their levels as single effects
     causes: frozenset[str] = frozenset()  # effects that are causes although their size is ordinary
-    # after each size, the state of the search, and whether one more effect was sought
-    growth: list[tuple[GrowthStep, bool]] = field(default_factory=list)
 
     def leading(self, rules: SearchRules) -> list[list[Hypothesis]]:
         """The best hypotheses of each size, which get a held-out score."""

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from pam_gap.inference.candidates import Candidate
-from pam_gap.inference.decision import Judge
 from pam_gap.inference.held_out import Folds, HeldOut, block_sums
 from pam_gap.inference.hypothesis import FitTask, Hypothesis, HypothesisFitter
+from pam_gap.inference.judge import Judge
 from pam_gap.inference.score import level
-from pam_gap.inference.search_growth import GrowthStep, grows
 from pam_gap.prediction.fit import Array
 from pam_gap.search.candidate_search import (
     CandidateSearch,
@@ -21,6 +19,7 @@ from pam_gap.search.candidate_search import (
     silent,
 )
 from pam_gap.search.clean_rig import clean_explanation
+from pam_gap.search.growth import accepts_further, has_gap
 
 
 def always(explanation: Hypothesis) -> bool:
@@ -152,18 +151,22 @@ class EffectSearch:
         return level(h.mean_square, floor, self.problem.present)
 
     def _goes_on(self, result: SearchResult) -> bool:
-        """Whether one more effect is sought; the decision is kept as evidence."""
-        best = result.by_size[-1][0]
-        size = len(result.by_size)
+        """Whether one more effect is sought.
+
+        It is sought while what is left is itself a gap that matters, and the last effect was worth
+        looking further.
+        """
+        rules, left = self.rules, self.left
+        size, best = len(result.by_size), result.by_size[-1][0]
         floor, present = self.fitter.floor + self.judge.background, self.problem.present
-        left = self.left
-        limit = self.rules.decision.material_share**2 * self.judge.motion
+        limit = rules.decision.material_share**2 * self.judge.motion
         matters = bool((best.mean_square - floor > limit)[present].any())
-        step = GrowthStep(size, int(present.sum()), matters, left(result.nominal), left(best))
-        if size > 1:
-            previous = left(result.by_size[-2][0])
-            others = (left(h) for h in result.by_size[-1] if h.effects != best.effects)
-            step = replace(step, previous=previous, runner_up=min(others, default=previous))
-        goes_on = grows(step, self.rules.search, self.rules.decision)
-        result.growth.append((step, goes_on))
-        return goes_on
+        is_gap = has_gap(left(best), int(present.sum()), rules.search)
+        if size >= rules.search.most_effects or not (matters and is_gap):
+            return False
+        if size == 1:
+            return True
+        previous = left(result.by_size[-2][0])
+        others = (left(h) for h in result.by_size[-1] if h.effects != best.effects)
+        runner_up = min(others, default=previous)
+        return accepts_further(previous, left(best), left(result.nominal), runner_up, rules.search)

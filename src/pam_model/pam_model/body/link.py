@@ -20,29 +20,17 @@ _POSTURES = 64
 
 @dataclass(frozen=True, eq=False)
 class Link:
-    """A rigid link that turns about the z axis of its hinge.
+    """A rigid link that turns about the z axis of its hinge."""
 
-    Attributes
-    ----------
-    parent : int
-        Index of the link that carries the hinge, -1 for the base.
-    rotation : (3, 3) array
-        Axes of the hinge frame at angle 0, in columns, in the frame of the parent.
-    place : (3,) array
-        Origin of the hinge in the frame of the parent [m].
-    mass : float
-        [kg].
-    centre : (3,) array
-        Centre of mass in the link's own frame [m].
-    inertia : (3, 3) array
-        About the centre of mass, in the link's own frame [kg m^2].
-    """
-
-    parent: int = -1
+    parent: int = -1  # index of the link that carries the hinge, -1 for the base
+    # axes of the hinge frame at angle 0, in columns, in the frame of the parent
     rotation: Array = field(default_factory=lambda: np.eye(3))
+    # origin of the hinge in the frame of the parent [m]
     place: Array = field(default_factory=lambda: np.zeros(3))
-    mass: float = 0.0
+    mass: float = 0.0  # [kg]
+    # centre of mass in the link's own frame [m]
     centre: Array = field(default_factory=lambda: np.zeros(3))
+    # about the centre of mass, in the link's own frame [kg m^2]
     inertia: Array = field(default_factory=lambda: np.zeros((3, 3)))
 
 

@@ -4,14 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pam_model.argument_types import make_parents, number, output_file, output_folder
-from pam_model.command_line import Arguments, Command, Outcome, Parser
+from pam_model.argument_types import make_parents, number, output_file
+from pam_model.command_line import Arguments, Command, Outcome, Parser, no_arguments
 from pam_model.commands.muscle_arguments import add_muscle, given_geometry
 from pam_model.errors import PamError
-
-
-def _declare_nothing(parser: Parser) -> None:
-    """Declare nothing: the command has no arguments of its own."""
 
 
 def _list(chosen: Arguments) -> Outcome:
@@ -43,7 +39,7 @@ def _declare_show(parser: Parser) -> None:
 
 def _show(chosen: Arguments) -> Outcome:
     from pam_model.catalogue.catalogue import find_row  # noqa: PLC0415  (numpy)
-    from pam_model.catalogue.gallery import default_model, draw_row  # noqa: PLC0415  (matplotlib)
+    from pam_model.catalogue.default_model import default_model  # noqa: PLC0415
     from pam_model.identify.show import (  # noqa: PLC0415
         PRESSURES,
         draw_force_model,
@@ -55,64 +51,35 @@ def _show(chosen: Arguments) -> Outcome:
     )
 
     row = find_row(chosen.name)
-    pressures = chosen.pressures or PRESSURES
+    known = registered_models()
     geometry, constants = given_geometry(chosen), dict(chosen.set)
-    name = chosen.name if chosen.name in registered_models() else ""
-    if not name and (geometry or constants or chosen.pressures):
-        name = next((n for n in row.models if n in registered_models()), "")
-        if not name:
-            raise PamError(f"{row.key} is not a length-force model: its picture has fixed numbers")
-    if not name:
-        figure = draw_row(row)
-    else:
+    name = next((name for name in (chosen.name, *row.models) if name in known), "")
+    picture = None
+    if name:
         if geometry is None:
             _, geometry = default_model(name)
         model = create_force_model(name, geometry, constants)
-        figure = draw_force_model(model, geometry.rest_length, pressures)
-    picture = save_figure(figure, make_parents(chosen.output or Path(f"{chosen.name}.png")))
+        figure = draw_force_model(model, geometry.rest_length, chosen.pressures or PRESSURES)
+        picture = save_figure(figure, make_parents(chosen.output or Path(f"{chosen.name}.png")))
+    elif geometry or constants or chosen.pressures or chosen.output:
+        raise PamError(
+            f"{row.key} is not a length-force model; docs/models.md has its picture, with fixed "
+            "numbers"
+        )
     print(f"{row.title}: equations {row.equations or '-'}, {row.status}")
     print(f"  domain: {row.domain}\n  suited for: {row.use}\n  not suited for: {row.avoid}")
-    print(picture)
+    print(picture or f"  code: {', '.join(row.objects)}")
     facts = {n: getattr(row, n) for n in row.__dataclass_fields__}
     return Outcome({**facts, "picture": picture})
 
 
-def _declare_gallery(parser: Parser) -> None:
-    parser.add_argument(
-        "folder", type=output_folder, nargs="?", default="docs", help="(default: docs)"
-    )
-
-
-def _gallery(chosen: Arguments) -> Outcome:
-    from pam_model.catalogue.gallery import write_gallery  # noqa: PLC0415  (matplotlib)
-
-    written = write_gallery(chosen.folder)
-    size = sum(path.stat().st_size for path in written)
-    print(f"{len(written)} files, {size / 1e6:.2f} MB in {chosen.folder}")
-    return Outcome({"written": written})
-
-
-def _effect_tables(chosen: Arguments) -> Outcome:
-    from pam_model.effect_tables import write_tables  # noqa: PLC0415
-
-    changed = write_tables(Path(chosen.folder))
-    print("written: " + ", ".join(map(str, changed)) if changed else "the tables are up to date")
-    return Outcome({"changed": changed})
-
-
 COMMANDS = (
-    Command("list", "list every model, its equations and status", _declare_nothing, _list),
+    Command("list", "list every model, its equations and status", no_arguments, _list),
     Command(
         "show",
-        "draw a model",
+        "describe a model, and draw a length-force model",
         _declare_show,
         _show,
         examples=("pam model show tondu_lopez --set k=1.2 --output muscle.png",),
-    ),
-    Command(
-        "gallery", "write pictures and table of models for the docs", _declare_gallery, _gallery
-    ),
-    Command(
-        "effect-tables", "write the tables of effects in the docs", _declare_gallery, _effect_tables
     ),
 )

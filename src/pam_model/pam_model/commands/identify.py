@@ -65,12 +65,6 @@ def _fit(chosen: Arguments) -> Outcome:
 def _declare_compare(parser: Parser) -> None:
     _add_data(parser)
     parser.add_argument("--models", nargs="+", metavar="NAME", help="only these (default: all)")
-    parser.add_argument(
-        "--page",
-        type=output_file,
-        metavar="FILE",
-        help="also write the tables into this Markdown page, between its markers",
-    )
 
 
 def _compare(chosen: Arguments) -> Outcome:
@@ -94,12 +88,7 @@ def _compare(chosen: Arguments) -> Outcome:
         from pam_model.identify.show import save_figure  # noqa: PLC0415
 
         print(save_figure(draw_comparison(comparisons), make_parents(chosen.plot)))
-    results = [c.as_dict() for c in comparisons]
-    if chosen.page:
-        from pam_model.identify.comparison_page import write_comparison  # noqa: PLC0415
-
-        print(write_comparison(results, chosen.page))
-    return Outcome(results)
+    return Outcome([c.as_dict() for c in comparisons])
 
 
 def _declare_design(parser: Parser) -> None:

@@ -8,13 +8,14 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from pam_model.argument_types import make_parents, output_file
-from pam_model.command_line import Arguments, Command, Outcome, Parser, add_rig, chosen_rig
+from pam_model.command_line import Arguments, Command, Outcome, Parser
 from pam_model.commands.muscle_arguments import (
     EXPECTED,
     add_geometry,
     given_geometry,
     in_both_words,
 )
+from pam_model.common_options import add_rig, chosen_rig
 from pam_model.errors import PamError
 from pam_model.muscle_sizes import SIZES
 from pam_ros.program_name import PROGRAM

@@ -186,8 +186,6 @@ def switched_on[S: Slot](
 
     Parameters
     ----------
-    kind : type
-        The kind of slot.
     effects : mapping
         The effects of the muscle, joint or rig.
 

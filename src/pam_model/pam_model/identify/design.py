@@ -27,53 +27,35 @@ _LARGEST_DIAMETER = 1.0
 
 @dataclass(frozen=True, slots=True)
 class MuscleDesign:
-    """A muscle to build.
+    """A muscle to build."""
 
-    Attributes
-    ----------
-    rest_angle, end_angle : float
-        Thread angle at rest and at the end of the stroke [rad].
-    jam_angle : float
-        (18): thread angle at which neighbouring strands touch [rad].
-    rest_length, end_length, longest_length : float
-        Active length at rest, at the end of the stroke, and (19) where the braid jams [m].
-    rest_diameter, end_diameter, diameter_90 : float
-        Diameter at rest, at the end of the stroke, and b/(n pi) [m].
-    thread_length, turns : float
-        b [m] and n [-].
-    contraction, free_contraction : float
-        Contraction ratio of this stroke, and without load [-].
-    rest_force, end_force : float
-        Pull at rest and at the end of the stroke [N].
-    end_stiffness : float
-        dF/dL at the end of the stroke [N/m].
-    thread_tension : float
-        Largest tension of one strand over the stroke [N].
-    gas_volume : float
-        Gas volume at the end of the stroke [m^3].
-    limited_by : str
-        Constraints that prevent a smaller muscle.
-    """
-
+    # rest_angle, end_angle: thread angle at rest and at the end of the stroke [rad]
     rest_angle: float
     end_angle: float
-    jam_angle: float
+    jam_angle: float  # (18): thread angle at which neighbouring strands touch [rad]
+    # rest_length, end_length, longest_length: active length at rest, at the end of the stroke, and
+    # (19) where the braid jams [m]
     rest_length: float
     end_length: float
     longest_length: float
+    # rest_diameter, end_diameter, diameter_90: diameter at rest, at the end of the stroke, and b/(n
+    # pi) [m]
     rest_diameter: float
     end_diameter: float
     diameter_90: float
+    # thread_length, turns: b [m] and n [-]
     thread_length: float
     turns: float
+    # contraction, free_contraction: contraction ratio of this stroke, and without load [-]
     contraction: float
     free_contraction: float
+    # rest_force, end_force: pull at rest and at the end of the stroke [N]
     rest_force: float
     end_force: float
-    end_stiffness: float
-    thread_tension: float
-    gas_volume: float
-    limited_by: str
+    end_stiffness: float  # dF/dL at the end of the stroke [N/m]
+    thread_tension: float  # largest tension of one strand over the stroke [N]
+    gas_volume: float  # gas volume at the end of the stroke [m^3]
+    limited_by: str  # constraints that prevent a smaller muscle
 
     def table(self) -> str:
         """The design as text."""

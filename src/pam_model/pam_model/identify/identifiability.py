@@ -41,21 +41,13 @@ _POINTS_PER_TERM = 3
 
 @dataclass(frozen=True, slots=True)
 class Told:
-    """Which numbers the data determine.
+    """Which numbers the data determine."""
 
-    Attributes
-    ----------
-    told : tuple of int
-        Columns of the identifiable numbers, in the order in which they were selected.
-    silent : tuple of int
-        Columns that are zero to rounding.
-    lost : tuple of int
-        Columns that are not zero, but whose whole effect is below the noise. All columns in none
-        of the three tuples can be imitated by the identifiable numbers.
-    """
-
+    # columns of the identifiable numbers, in the order in which they were selected
     told: tuple[int, ...]
-    silent: tuple[int, ...]
+    silent: tuple[int, ...]  # columns that are zero to rounding
+    # Columns that are not zero, but whose whole effect is below the noise. All columns in none of
+    # the three tuples can be imitated by the identifiable numbers.
     lost: tuple[int, ...]
 
 

@@ -17,7 +17,7 @@ from __future__ import annotations
 import csv
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -45,6 +45,9 @@ _UNITS = {"pressure": "Pa", "force": "N", "length": "m", "shortening": "m", "vel
 _WITH_UNIT = re.compile(r"(.*?)\s*[\[(]\s*([^\])]*?)\s*[\])]")
 
 Array = npt.NDArray[np.float64]
+
+_OF_POINTS = ("pressure", "position", "force", "velocity", "block", "cluster", "branch")
+"""Fields with one entry per point."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,18 +77,8 @@ class Measurements:
 
     def select(self, mask: npt.NDArray[np.bool_]) -> Measurements:
         """The points where the mask is true."""
-        return Measurements(
-            self.name,
-            self.pressure[mask],
-            self.position[mask],
-            self.force[mask],
-            self.velocity[mask],
-            self.block[mask],
-            self.cluster[mask],
-            self.branch[mask],
-            self.is_shortening,
-            self.assumptions,
-        )
+        selected = {name: getattr(self, name)[mask] for name in _OF_POINTS}
+        return replace(self, **selected)
 
     def branches(self) -> dict[str, Measurements]:
         """The points of each branch, in order of first appearance."""
@@ -109,18 +102,7 @@ class Measurements:
         bands = np.array_split(levels, number)
         edges = [float(band[-1]) for band in bands[:-1]]
         block = np.searchsorted(edges, self.pressure, side="left").astype(np.str_)
-        return Measurements(
-            self.name,
-            self.pressure,
-            self.position,
-            self.force,
-            self.velocity,
-            block,
-            self.cluster,
-            self.branch,
-            self.is_shortening,
-            self.assumptions,
-        )
+        return replace(self, block=block)
 
 
 def load_measurements(

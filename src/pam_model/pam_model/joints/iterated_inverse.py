@@ -83,8 +83,6 @@ def iterated_pressures(
 
     Parameters
     ----------
-    muscles : sequence of JointMuscle
-        Of the joint.
     ratios : sequence of float
         Their arms over the radius [-].
     radius : float

@@ -20,26 +20,17 @@ NAN = math.nan
 
 @dataclass(slots=True)
 class Estimate:
-    """One estimate, in the order of the rig's muscles and joints; NaN for unknown values.
+    """One estimate, in the order of the rig's muscles and joints; NaN for unknown values."""
 
-    Attributes
-    ----------
-    stamp : float or None
-        Time of the newest measurement used [s]; None if there is none.
-    muscle_lengths, muscle_speeds, muscle_forces : list of float
-        [m], [m/s] (lengthening), [N].
-    joint_torques, joint_stiffnesses : list of float
-        [N m], [N m/rad].
-    problems : list of str
-        The reasons for values that are NaN, one line each.
-    """
-
-    stamp: float | None
+    stamp: float | None  # time of the newest measurement used [s]; None if there is none
+    # muscle_lengths, muscle_speeds, muscle_forces: [m], [m/s] (lengthening), [N]
     muscle_lengths: list[float] = field(default_factory=list)
     muscle_speeds: list[float] = field(default_factory=list)
     muscle_forces: list[float] = field(default_factory=list)
+    # joint_torques, joint_stiffnesses: [N m], [N m/rad]
     joint_torques: list[float] = field(default_factory=list)
     joint_stiffnesses: list[float] = field(default_factory=list)
+    # the reasons for values that are NaN, one line each
     problems: list[str] = field(default_factory=list)
 
 

@@ -26,27 +26,16 @@ from pam_model.muscles.elementary import arc_sine, cosine
 class BraidLimits:
     """A braid whose strands touch when it is fully stretched or fully expanded.
 
-    Attributes
-    ----------
-    strand_width : float
-        D_s [m].
-    strands : float
-        N, all strands of both families [-].
-    diameter_at_90_degrees : float
-        D90 [m].
-    thread_length : float
-        b [m].
-
     Raises
     ------
     DomainError
         For a quantity not above zero, or strands too wide for the braid: D_s N > pi D90.
     """
 
-    strand_width: float
-    strands: float
-    diameter_at_90_degrees: float
-    thread_length: float
+    strand_width: float  # d_s [m]
+    strands: float  # n, all strands of both families [-]
+    diameter_at_90_degrees: float  # d90 [m]
+    thread_length: float  # b [m]
 
     def __post_init__(self) -> None:
         require_positive(

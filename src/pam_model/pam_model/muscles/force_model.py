@@ -11,8 +11,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from difflib import get_close_matches
+from inspect import signature
 from typing import Any, ClassVar, Protocol, runtime_checkable
 
 from pam_model.bounds import within
@@ -160,7 +161,10 @@ _REGISTER: dict[str, RegisteredModel] = {}
 def register(
     *, equations: str, status: str, summary: str, row: str = ""
 ) -> Callable[[type[Any]], type[Any]]:
-    """Register a model class under its `name`; it needs `from_geometry(geometry, constants)`.
+    """Register a model class under its `name`.
+
+    Its arguments are numbers of a `MuscleGeometry` and its own constants, by their names; a class
+    with other arguments has a class method `from_geometry(geometry, constants)`.
 
     Parameters
     ----------
@@ -180,11 +184,25 @@ def register(
         if name in _REGISTER:
             raise RuntimeError(f"two force models are called {name!r}")
         _REGISTER[name] = RegisteredModel(
-            name, model.from_geometry, model, equations, status, summary, row or name
+            name, _factory_of(model), model, equations, status, summary, row or name
         )
         return model
 
     return enter
+
+
+def _factory_of(model: type[Any]) -> Factory:
+    """How a model is made for a muscle of a rig file."""
+    if hasattr(model, "from_geometry"):
+        factory: Factory = model.from_geometry
+        return factory
+    arguments = signature(model).parameters
+    sizes = [entry.name for entry in fields(MuscleGeometry) if entry.name in arguments]
+
+    def factory_by_names(geometry: MuscleGeometry, constants: Mapping[str, float]) -> Any:
+        return model(**{name: getattr(geometry, name) for name in sizes}, **constants)
+
+    return factory_by_names
 
 
 def registered_models() -> Mapping[str, RegisteredModel]:

@@ -30,27 +30,16 @@ FRICTION_PARAMETERS = {
 class ThreadFriction:
     """Friction of a braid's crossings.
 
-    Attributes
-    ----------
-    turns : float
-        n of one thread [-].
-    friction : float
-        mu [-].
-    contact_radius : float
-        a [m].
-    contact_share : float
-        eta [-].
-
     Raises
     ------
     DomainError
         For turns not above zero or another constant below it.
     """
 
-    turns: float
-    friction: float
-    contact_radius: float
-    contact_share: float = 1.0
+    turns: float  # n of one thread [-]
+    friction: float  # mu [-]
+    contact_radius: float  # a [m]
+    contact_share: float = 1.0  # eta [-]
 
     def __post_init__(self) -> None:
         require_positive(turns=self.turns)

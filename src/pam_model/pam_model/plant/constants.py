@@ -37,23 +37,12 @@ _THREADS = filled(Thread)
 
 @dataclass(frozen=True, slots=True)
 class _Adjusted:
-    """One number of the ideal rig, and the effects that change it.
+    """One number of the ideal rig, and the effects that change it."""
 
-    Attributes
-    ----------
-    name : str
-        The target, preceded by its muscle.
-    ideal : float
-        Its value if the rig file does not state it.
-    written : int
-        Its index in the vector if the rig file states it, else -1.
-    laws : tuple
-        Law of each effect, with the indices of the effect's parameters in the vector.
-    """
-
-    name: str
-    ideal: float
-    written: int
+    name: str  # the target, preceded by its muscle
+    ideal: float  # its value if the rig file does not state it
+    written: int  # its index in the vector if the rig file states it, else -1
+    # law of each effect, with the indices of the effect's parameters in the vector
     laws: tuple[tuple[Law, tuple[int, ...]], ...]
 
 
@@ -67,27 +56,16 @@ class _StoredEffect:
 
 @dataclass(frozen=True, slots=True)
 class _Derivation:
-    """Where the numbers of a joint with certain muscles are in its vector.
+    """Where the numbers of a joint with certain muscles are in its vector."""
 
-    Attributes
-    ----------
-    adjusted : tuple of _Adjusted
-        Every target of `effects.slots.TARGETS`, of the joint and of each muscle.
-    stored : mapping of str to tuple of _StoredEffect
-        Effects whose parameters are kernel constants, by owner: "" or a muscle with a dot.
-    written : mapping of str to mapping
-        By owner: index of each number that the rig file states of a muscle.
-    presliding : tuple of int
-        Indices of the presliding angles.
-    index : mapping of str to int
-        Of all parameters.
-    """
-
+    # every target of `effects.slots.TARGETS`, of the joint and of each muscle
     adjusted: tuple[_Adjusted, ...]
+    # effects whose parameters are kernel constants, by owner: "" or a muscle with a dot
     stored: Mapping[str, tuple[_StoredEffect, ...]]
+    # by owner: index of each number that the rig file states of a muscle
     written: Mapping[str, Mapping[str, int]]
-    presliding: tuple[int, ...]
-    index: Mapping[str, int]
+    presliding: tuple[int, ...]  # indices of the presliding angles
+    index: Mapping[str, int]  # of all parameters
 
 
 @cache

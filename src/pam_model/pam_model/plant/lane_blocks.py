@@ -20,21 +20,11 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Lanes:
-    """One block of lanes.
+    """One block of lanes."""
 
-    Attributes
-    ----------
-    members : (n,) array of int
-        Rows of the batch, at most LANES.
-    steps : int
-        Integration steps in one sample.
-    variant : LaneVariant or SINGLE
-        For which the kernel of the block is made; SINGLE for that of a single lane.
-    """
-
-    members: npt.NDArray[np.int64]
-    steps: int
-    variant: Variant
+    members: npt.NDArray[np.int64]  # rows of the batch, at most LANES
+    steps: int  # integration steps in one sample
+    variant: Variant  # for which the kernel of the block is made; SINGLE for that of a single lane
     vector: int = VECTOR
 
     @property

@@ -60,21 +60,11 @@ FEW_WITH_CABLE: Final = 1
 
 @dataclass(frozen=True, slots=True)
 class LaneKernel:
-    """A kernel for several lanes.
+    """A kernel for several lanes."""
 
-    Attributes
-    ----------
-    off : frozenset of str
-        Switches that the kernel takes for 0.
-    serves : (n_batch,) array of bool
-        Whether these are 0 in each lane of a batch.
-    muscles : int
-        Number of muscles of each joint.
-    """
-
-    off: frozenset[str]
-    serves: npt.NDArray[np.bool_]
-    muscles: int
+    off: frozenset[str]  # switches that the kernel takes for 0
+    serves: npt.NDArray[np.bool_]  # whether these are 0 in each lane of a batch
+    muscles: int  # number of muscles of each joint
 
     @property
     def variant(self) -> LaneVariant:

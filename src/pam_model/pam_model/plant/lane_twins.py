@@ -39,18 +39,10 @@ COUNTS_OF_MUSCLES: Final = frozenset({"len(tables)", "len(held)"})
 
 
 class LaneVariant(NamedTuple):
-    """What all lanes of a block have in common, for which their kernel is made.
+    """What all lanes of a block have in common, for which their kernel is made."""
 
-    Attributes
-    ----------
-    off : frozenset of str
-        Names of constants that are 0 in all lanes.
-    muscles : int
-        Number of muscles of each joint.
-    """
-
-    off: frozenset[str]
-    muscles: int
+    off: frozenset[str]  # names of constants that are 0 in all lanes
+    muscles: int  # number of muscles of each joint
 
 
 SINGLE: Final = None

@@ -115,21 +115,11 @@ MUSCLE_NOMINAL = (
 
 @dataclass(frozen=True, slots=True)
 class EffectConstants:
-    """Indices of an effect's numbers in the constants of the joint or of each muscle.
+    """Indices of an effect's numbers in the constants of the joint or of each muscle."""
 
-    Attributes
-    ----------
-    effect : Effect
-        An effect whose law the kernels call.
-    is_on : int
-        Index of the switch: 1 if a magnitude is not neutral, else 0.
-    parameters : mapping of str to int
-        Index of each parameter.
-    """
-
-    effect: Effect
-    is_on: int
-    parameters: Mapping[str, int]
+    effect: Effect  # an effect whose law the kernels call
+    is_on: int  # index of the switch: 1 if a magnitude is not neutral, else 0
+    parameters: Mapping[str, int]  # index of each parameter
 
 
 def _effect_constants(of_muscle: bool, first: int) -> tuple[dict[str, EffectConstants], int]:
@@ -178,13 +168,6 @@ def states_of(muscle: int) -> int:
 def outputs_of(muscle: int) -> int:
     """Where the outputs of a muscle begin; of one beyond the last, the number of outputs."""
     return O_MUSCLES + muscle * N_MUSCLE_OUTPUTS
-
-
-def state_names(muscles: Iterable[str]) -> tuple[str, ...]:
-    """Names of the states of a joint with these muscles."""
-    of_joint = ("position", "velocity", "reservoir_pressure", "friction_bristle")
-    of_muscle = ("spool", "pressure", "valve_pressure", "temperature", *PULL_STATES)
-    return (*of_joint, *(f"{muscle}.{state}" for muscle in muscles for state in of_muscle))
 
 
 def output_names(muscles: Iterable[str]) -> tuple[str, ...]:

@@ -13,18 +13,11 @@ from pam_model.plant.layout import JOINT_NOMINAL
 
 
 class MuscleArm(NamedTuple):
-    """A muscle of a joint.
+    """A muscle of a joint."""
 
-    Attributes
-    ----------
-    name : str
-        With which the names of its parameters, states and outputs begin.
-    arm : float
-        Its lever arm over the radius of the pulley [-]; above 0 if its pull turns the joint in the
-        positive direction.
-    """
-
-    name: str
+    name: str  # with which the names of its parameters, states and outputs begin
+    # its lever arm over the radius of the pulley [-]; above 0 if its pull turns the joint in the
+    # positive direction
     arm: float
 
 

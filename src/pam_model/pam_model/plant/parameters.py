@@ -32,53 +32,29 @@ from pam_model.plant.muscle_arms import (
     names_of,
 )
 from pam_model.rig import Joint, Muscle, Rig
-from pam_model.rig.keys import NUMBERS
+from pam_model.rig.types import NUMBERS
 
 Vector = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
 class RigPlace:
-    """Where a rig file states a plant parameter.
+    """Where a rig file states a plant parameter."""
 
-    Attributes
-    ----------
-    section : str
-        "rig", "gas", "joint", "muscle", "valve" or "effect".
-    side : str
-        Name of the muscle for a parameter of a muscle, else empty.
-    effect : str
-        The effect to which it belongs, else empty.
-    key : str
-        The key in that section.
-    """
-
-    section: str
-    side: str
-    effect: str
-    key: str
+    section: str  # "rig", "gas", "joint", "muscle", "valve" or "effect"
+    side: str  # name of the muscle for a parameter of a muscle, else empty
+    effect: str  # the effect to which it belongs, else empty
+    key: str  # the key in that section
 
 
 @dataclass(frozen=True, slots=True)
 class ParameterTable:
-    """The parameters of a joint with certain muscles, in the order of the vector.
+    """The parameters of a joint with certain muscles, in the order of the vector."""
 
-    Attributes
-    ----------
-    muscles : tuple of str
-        Names of its muscles.
-    units : mapping of str to str
-        Unit of each parameter, by its name.
-    index : mapping of str to int
-        Position of each parameter in the vector.
-    places : mapping of str to RigPlace
-        Where a rig file states each parameter.
-    """
-
-    muscles: tuple[str, ...]
-    units: Mapping[str, str]
-    index: Mapping[str, int]
-    places: Mapping[str, RigPlace]
+    muscles: tuple[str, ...]  # names of its muscles
+    units: Mapping[str, str]  # unit of each parameter, by its name
+    index: Mapping[str, int]  # position of each parameter in the vector
+    places: Mapping[str, RigPlace]  # where a rig file states each parameter
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -30,24 +30,13 @@ Reading = tuple[float, ...]
 
 
 class Crossing(NamedTuple):
-    """A muscle of one joint that crosses another joint as well.
+    """A muscle of one joint that crosses another joint as well."""
 
-    Attributes
-    ----------
-    joint : int
-        The joint to whose muscles it belongs.
-    muscle : int
-        Which of them it is.
-    other : int
-        The joint that it crosses.
-    arm : float
-        Its constant lever arm there [m]; above 0 if its pull turns the joint in the positive
-        direction.
-    """
-
-    joint: int
-    muscle: int
-    other: int
+    joint: int  # the joint to whose muscles it belongs
+    muscle: int  # which of them it is
+    other: int  # the joint that it crosses
+    # its constant lever arm there [m]; above 0 if its pull turns the joint in the positive
+    # direction
     arm: float
 
 

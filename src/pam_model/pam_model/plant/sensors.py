@@ -64,18 +64,10 @@ def sensor_constants(values: Array, muscles: MuscleArms = PAIR) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """The measured channels.
+    """The measured channels."""
 
-    Attributes
-    ----------
-    position : (..., n) array
-        [rad].
-    pressures : (..., n, n_muscles) array
-        Gauge [Pa].
-    """
-
-    position: Array
-    pressures: Array
+    position: Array  # [rad]
+    pressures: Array  # gauge [Pa]
 
 
 def lag_weights(time_constant: float, duration: float) -> tuple[float, float, float]:
@@ -202,8 +194,6 @@ class SensorBank:
         Plant parameters of each joint.
     period : float
         Between two samples [s].
-    muscles : tuple of MuscleArm, optional
-        Those of each joint.
     """
 
     def __init__(self, values: Array, period: float, muscles: MuscleArms = PAIR) -> None:

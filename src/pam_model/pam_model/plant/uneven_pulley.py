@@ -25,24 +25,12 @@ from pam_model.plant.parameters import Vector as Array
 
 @dataclass(frozen=True, slots=True)
 class UnevenPulley:
-    """The lever arm r factor (1 + slope q + bend q^2) of a pulley with the stated radius r.
+    """The lever arm r factor (1 + slope q + bend q^2) of a pulley with the stated radius r."""
 
-    Attributes
-    ----------
-    factor : float
-        Arm at the angle zero, in stated radii.
-    slope : float
-        Relative change of the arm [1/rad].
-    bend : float
-        [1/rad^2].
-    zero : float
-        Angle [rad] by which the cable is wound up further where the angle is zero.
-    """
-
-    factor: float = 1.0
-    slope: float = 0.0
-    bend: float = 0.0
-    zero: float = 0.0
+    factor: float = 1.0  # arm at the angle zero, in stated radii
+    slope: float = 0.0  # relative change of the arm [1/rad]
+    bend: float = 0.0  # [1/rad^2]
+    zero: float = 0.0  # angle [rad] by which the cable is wound up further where the angle is zero
 
     def apply(self, constants: Array) -> None:
         """Change the constants of plants, shape (lanes, n_constants), in place."""

@@ -11,19 +11,13 @@ from pam_model.rig.types import Rig
 
 @dataclass(frozen=True, slots=True)
 class Arm:
-    """One muscle at one joint.
+    """One muscle at one joint."""
 
-    Attributes
-    ----------
-    joint, muscle : int
-        Their places in the robot.
-    length : float
-        Torque per pull [m]: positive if the muscle pulls towards positive positions. The length of
-        the muscle's path falls by as much per radian.
-    """
-
+    # joint, muscle: their places in the robot
     joint: int
     muscle: int
+    # Torque per pull [m]: positive if the muscle pulls towards positive positions. The length of
+    # the muscle's path falls by as much per radian.
     length: float
 
 

@@ -7,7 +7,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
-from pam_model.rig.keys import NAME, NUMBERS, Section
+from pam_model.rig.keys import NAME, Section, keys_of
 from pam_model.rig.wiring import Bus
 
 
@@ -33,7 +33,7 @@ def read_buses(section: Section) -> dict[str, Bus]:
                 where.add(key, f" = {value!r}: must be {expected}")
             elif value is not None:
                 values[key] = value
-        for key, bounds in NUMBERS["bus"].items():
+        for key, bounds in keys_of(Bus).items():
             number = where.number(key, bounds)
             if number is not None:
                 values[key] = int(number)

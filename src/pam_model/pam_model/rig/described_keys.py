@@ -10,8 +10,8 @@ from typing import Final
 
 from pam_model.effects import EFFECTS
 from pam_model.muscles.force_model import registered_models
-from pam_model.rig.keys import LENGTH_TOLERANCE, NUMBERS, POSITION_LIMITS, Key
-from pam_model.rig.types import Rig
+from pam_model.rig.keys import Key
+from pam_model.rig.types import NUMBERS, POSITION_LIMITS, Rig
 
 _BOARD: Final = "which board: a number from 0 on, or a name"
 _CHANNEL: Final = "which channel of the board: a number from 0 on, or a name"
@@ -57,7 +57,6 @@ _TEXTS: Final[Mapping[str, Mapping[str, str]]] = {
 }
 _NUMBERS: Final[Mapping[str, Mapping[str, Key]]] = {
     **NUMBERS,
-    "": {**NUMBERS[""], "length_tolerance": LENGTH_TOLERANCE},
     "buses": NUMBERS["bus"],
     "joint": {**NUMBERS["joint"], "position_limits": POSITION_LIMITS},
     "muscle": {

@@ -1,4 +1,7 @@
-"""The keys of a rig file with units and bounds, and a reader that collects all problems."""
+"""How a key of a rig file is declared, and a reader that collects all problems.
+
+A number is declared by a `Key` at the field that holds it (`types`, `people`, `wiring`).
+"""
 
 from __future__ import annotations
 
@@ -6,9 +9,10 @@ import math
 import re
 from array import array
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import MISSING, dataclass, fields, replace
 from difflib import get_close_matches
-from typing import Any
+from functools import cache
+from typing import Any, get_type_hints
 
 from pam_model.unit_hints import units_that_fit
 from pam_model.within_limits import beyond
@@ -49,126 +53,19 @@ class Key:
         return self.is_measured or self.guess is not None
 
 
-TURN = 2.0 * math.pi
-POSITION_LIMITS = Key("rad", -TURN, TURN, text="lowest and highest position of the joint")
-LENGTH_TOLERANCE = Key(
-    "-",
-    0.0,
-    0.5,
-    text="the same for pulley radius, thread length, turns, neutral length and wall thickness",
-)
-"""Optional; without it, lengths have the tolerance of all numbers."""
-# a table: unit, lowest, highest and usual value of each key stand in one line
-# fmt: off
-NUMBERS: Mapping[str, Mapping[str, Key]] = {
-    "": {
-        "supply_pressure": Key("Pa absolute", 1.05e5, 2.5e6, text="what the valves draw from",
-            is_measured=True),
-        "parameter_tolerance": Key("-", 0.0, 0.5, 0.02,
-            text="how far the true value of a number may be from the written one, relative "
-                 "(0.02 = 2 %)"),
-    },
-    "gas": {
-        "temperature": Key("K", 200.0, 400.0, 293.15, text="of gas and ambient"),
-        "ambient_pressure": Key("Pa absolute", 3e4, 1.3e5, 101325.0,
-            text="pressure around the robot"),
-        "polytropic_exponent": Key("-", 1.0, 1.4, 1.0,
-            text="1.0 isothermal (nominal) to 1.4 adiabatic"),
-    },
-    "bus": {
-        "bitrate": Key("bit/s", 10_000, 1_000_000, 1_000_000,
-            text="for the bus load; with CAN FD, that of the arbitration phase"),
-        "data_bitrate": Key("bit/s", 10_000, 8_000_000, 2_000_000,
-            text="of the data phase of CAN FD frames"),
-        "port": Key("-", 1024, 65535, 43113, text="UDP port, used by udp_multicast only"),
-    },
-    "joint": {
-        "pulley_radius": Key("m", 1e-3, 0.5, is_measured=True,
-            text="radius at which the tendons of both muscles pull"),
-        "inertia": Key("kg m^2", 1e-8, 1e3, text="about the joint's axis", guess=1e-3),
-        "viscous_friction": Key("N m s/rad", 0.0, 1e3, 0.0, guess=1e-3,
-            text="torque of the joint's own damping over its speed"),
-        "gravity_torque": Key("N m", -1e4, 1e4, 0.0, guess=0.0,
-            text="m g l; torque = -gravity_torque sin(position - gravity_angle); 0 on a joint "
-                 "with a vertical axis"),
-        "gravity_angle": Key("rad", -TURN, TURN, 0.0, guess=0.0,
-            text="position at which gravity exerts no torque"),
-        "max_velocity": Key("rad/s", 0.01, 100.0, 6.0,
-            text="largest speed of the joint; references keep 60 % of it, and the driver stops "
-                 "a joint that is measured to be faster"),
-        "reduced_velocity": Key("rad/s", 0.01, 100.0, 0.5,
-            text="the same while full speed is not permitted"),
-        "max_acceleration": Key("rad/s^2", 0.1, 1e5, 200.0,
-            text="largest acceleration of a reference"),
-        "max_tracking_error": Key("rad", 1e-3, 10.0, by_size=True,
-            text="largest difference between reference and measurement that may last"),
-        "max_stiffness_rate": Key("N m/(rad s)", 1e-2, 1e5, 50.0,
-            text="largest rate of change of the stiffness reference"),
-    },
-    "muscle": {
-        "thread_length": Key("m", 5e-3, 10.0, text="b, length of one thread of the braid",
-            is_measured=True),
-        "turns": Key("-", 1e-2, 1e3, text="n, turns of one thread about the axis",
-            is_measured=True),
-        "wall_thickness": Key("m", 0.0, 0.02, 0.0, text="t_k, bladder and sheath"),
-        "rest_length": Key("m", 5e-3, 10.0, text="unpressurised braid length"),
-        "neutral_length": Key("m", 5e-3, 10.0, text="length at joint position 0",
-            is_measured=True),
-        "dead_volume": Key("m^3", 0.0, 0.01, 0.0, guess=2e-5,
-            text="gas volume outside the braid (fittings, tube)"),
-        "max_pressure": Key("Pa gauge", 1e4, 2.5e6, text="the driver vents above it"),
-    },
-    "valve": {
-        "sonic_conductance": Key("m^3/(s Pa)", 1e-12, 1e-5, guess=5e-9,
-            text="ISO 6358 C, fully open"),
-        "critical_ratio": Key("-", 0.0, 0.99, 0.3, text="ISO 6358 b", guess=0.3),
-        "time_constant": Key("s", 1e-5, 2.0, 0.005, guess=0.008,
-            text="of the spool, first order; pressure regulator: of each of its two poles"),
-        "damping": Key("-", 0.1, 3.0,
-            text="pressure regulator: damping ratio of its two poles (without: 1); below 1 it "
-                 "overshoots"),
-        "full_scale": Key("Pa gauge", 1e4, 2.5e6,
-            text="pressure regulator: what a command of 100 % means"),
-    },
-    "people": {
-        "deadline": Key("s", 0.05, 5.0, 0.2,
-            text="an input without a message for longer forbids motion, or full speed"),
-        "slowing_time": Key("s", 0.1, 5.0, 0.5,
-            text="time in which the controller brakes after full speed is no longer permitted; "
-                 "then the driver stops a joint above its reduced_velocity"),
-        "dump_valve_fill_time": Key("s", 0.0, 30.0, 0.0,
-            text="time that the supply needs after the dump valve was closed; until then, and "
-                 "while it is open, a low supply is no fault. 0: no dump valve"),
-        "brake_release_delay": Key("s", 0.0, 5.0, 0.0,
-            text="time from the first command of the driver to a board until its brake is "
-                 "released: meanwhile the controller builds up the pressure that holds the joint"),
-    },
-    "plausibility": {
-        "pressure_residual": Key("Pa", 1e3, 2.5e6, by_size=True,
-            text="deviation of a pressure from what valve and gas should give"),
-        "torque_share": Key("-", 0.01, 100.0, 0.25,
-            text="deviation of the torque of the pressures from what the motion needs, divided "
-                 "by the torque of the agonist at its highest pressure"),
-        "warning_share": Key("-", 0.05, 1.0, 0.5,
-            text="share of any of these limits at which a warning begins"),
-        "pressure_noise": Key("Pa", 10.0, 2.5e6, by_size=True,
-            text="standard deviation between neighbouring samples"),
-        "position_noise": Key("rad", 1e-4, 10.0, by_size=True,
-            text="standard deviation of neighbouring samples"),
-        "position_jump": Key("rad", 1e-3, 10.0, by_size=True,
-            text="change of an angle between neighbouring samples"),
-        "position_margin": Key("rad", 0.0, 10.0, 0.05,
-            text="how far the angle of a joint may exceed position_limits"),
-        "pressure_rate": Key("Pa/s", 1e4, 1e9, by_size=True,
-            text="fastest plausible change of a pressure, over 10 ms"),
-        "supply_share": Key("-", 0.0, 1.0, 0.5,
-            text="lowest supply pressure divided by the nominal one, both gauge"),
-        "supply_high_share": Key("-", 1.01, 100.0, 1.3,
-            text="highest supply pressure divided by the nominal one, both gauge"),
-    },
-}
-# fmt: on
-"""Every number of a rig file, by section ("" is the top level)."""
+@cache
+def keys_of(part: type[Any]) -> Mapping[str, Key]:
+    """The numbers that a data class has in a rig file, by the names of their fields.
+
+    Such a field is annotated with its `Key`; its default is that of the key.
+    """
+    found = {}
+    defaults = {one.name: one.default for one in fields(part) if one.default is not MISSING}
+    for name, hint in get_type_hints(part, include_extras=True).items():
+        for key in getattr(hint, "__metadata__", ()):
+            default = None if key.by_size else defaults.get(name)
+            found[name] = replace(key, default=default)
+    return found
 
 
 def _looks_like(value: float, key: Key) -> str:

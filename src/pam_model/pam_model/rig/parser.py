@@ -12,17 +12,19 @@ from pam_model.errors import PamError, RigError
 from pam_model.muscles.force_model import ForceModel, registered_models, unknown_model
 from pam_model.rig.arms import arms_of
 from pam_model.rig.bus_keys import beside_rig_file, check_buses, read_buses
-from pam_model.rig.keys import (
-    LENGTH_TOLERANCE,
-    NAME,
+from pam_model.rig.keys import NAME, Key, Problems, Section
+from pam_model.rig.people import read_people
+from pam_model.rig.types import (
     NUMBERS,
     POSITION_LIMITS,
-    Key,
-    Problems,
-    Section,
+    Gas,
+    Joint,
+    Muscle,
+    Plausibility,
+    Rig,
+    Valve,
+    ValveKind,
 )
-from pam_model.rig.people import read_people
-from pam_model.rig.types import Gas, Joint, Muscle, Plausibility, Rig, Valve, ValveKind
 from pam_model.rig.wiring import Encoder, PressureSensor
 
 _TOP = (
@@ -71,8 +73,8 @@ def _valve(section: Section, max_pressure: float) -> Valve | None:
     conductance = section.number("sonic_conductance", keys["sonic_conductance"])
     ratio = section.number("critical_ratio", keys["critical_ratio"])
     lag = section.number("time_constant", keys["time_constant"])
-    full_scale = section.number("full_scale", keys["full_scale"], optional=True)
-    damping = section.number("damping", keys["damping"], optional=True)
+    full_scale = section.number("full_scale", keys["full_scale"])
+    damping = section.number("damping", keys["damping"])
     if kind == "flow" and full_scale is not None:
         section.add("full_scale", f" = {full_scale:g} Pa: only a pressure_regulator has one")
     if kind == "flow" and damping is not None:
@@ -379,9 +381,6 @@ def parse_rig(
     problems = Problems(source)
     top = Section(tree, "", problems)
     numbers: dict[str, Any] = {key: top.number(key, entry) for key, entry in NUMBERS[""].items()}
-    if "length_tolerance" in top.tree:
-        numbers["length_tolerance"] = top.number("length_tolerance", LENGTH_TOLERANCE)
-    top.asked.append("length_tolerance")
     gas = _gas(top.section("gas"))
     supply = numbers["supply_pressure"]
     gauge = math.nan

@@ -17,9 +17,9 @@ from typing import Any
 from pam_model.errors import RigError
 from pam_model.rig.arms import arms_of
 from pam_model.rig.file import read_parameters
-from pam_model.rig.keys import BETWEEN, NUMBERS, Key, Problems, Section
+from pam_model.rig.keys import BETWEEN, Key, Problems, Section
 from pam_model.rig.parser import parse_rig, unflatten
-from pam_model.rig.types import Rig
+from pam_model.rig.types import NUMBERS, Rig
 
 INERTIA_PER_TORQUE = 0.004
 """Guess of a missing inertia [kg m^2] for each N m of the agonist's torque, as in `size`."""
@@ -29,26 +29,17 @@ FRICTION_PER_TORQUE = 0.01
 
 @dataclass(frozen=True, slots=True)
 class PartialRig:
-    """What a rig file says before a calibration.
+    """What a rig file says before a calibration."""
 
-    Attributes
-    ----------
-    rig : Rig
-        A complete rig: as written, with the middle of each range and a guess where a number is
-        missing. Whether all muscles reach the position limits is not checked, because lengths may
-        still be wrong.
-    ranges : mapping of str to (float, float)
-        Lowest and highest value of the numbers that are given as a range, by key.
-    missing : frozenset of str
-        Keys of the numbers that are not written.
-    is_rough : bool
-        Whether a tool that needs numbers refuses the file: there is a range, or a number without a
-        default is missing.
-    """
-
+    # A complete rig: as written, with the middle of each range and a guess where a number is
+    # missing. Whether all muscles reach the position limits is not checked, because lengths may
+    # still be wrong.
     rig: Rig
+    # lowest and highest value of the numbers that are given as a range, by key
     ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    missing: frozenset[str] = frozenset()
+    missing: frozenset[str] = frozenset()  # keys of the numbers that are not written
+    # whether a tool that needs numbers refuses the file: there is a range, or a number without a
+    # default is missing
     is_rough: bool = False
 
 

@@ -8,31 +8,34 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from typing import Annotated, Any, Final, Literal
 
 from pam_model.bounds import check_numbers, within
 from pam_model.effects import EFFECTS, EffectValues, Scope
 from pam_model.errors import RigError, UnknownNameError
 from pam_model.muscles.force_model import ForceModel, MuscleGeometry, create_force_model
 from pam_model.names import unknown
-from pam_model.rig.keys import NUMBERS
+from pam_model.rig.keys import Key, keys_of
 from pam_model.rig.people import People
 from pam_model.rig.wiring import Bus, Encoder, PressureSensor
 from pam_model.rig.written_fields import effects_of, fields_of
 
 ValveKind = Literal["flow", "pressure_regulator"]
+TURN = 2.0 * math.pi
+POSITION_LIMITS = Key("rad", -TURN, TURN, text="lowest and highest position of the joint")
 VALVE_KINDS: tuple[ValveKind, ...] = ("flow", "pressure_regulator")
 
 
-def _check(owner: object, section: str, where: str) -> None:
-    """Check all numbers of one section against the bounds of a rig file.
+def _check(owner: Any, where: str) -> None:
+    """Check all numbers of a part of a rig against the bounds of a rig file.
 
     Raises
     ------
     RigError
         For a number that a rig file could not have.
     """
-    bounds = {name: (key.low, key.high, key.unit) for name, key in NUMBERS[section].items()}
+    keys = keys_of(type(owner))  # type: ignore[arg-type]  # mypy takes no class for hashable
+    bounds = {name: (key.low, key.high, key.unit) for name, key in keys.items()}
     check_numbers(owner, where, bounds, error=RigError)
 
 
@@ -60,119 +63,82 @@ def _check_effects(effects: EffectValues, scope: Scope, where: str) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Gas:
-    """The gas in muscles and lines, and the ambient air.
+    """The gas in muscles and lines, and the ambient air."""
 
-    Attributes
-    ----------
-    temperature : float
-        Of gas and ambient air [K].
-    ambient_pressure : float
-        [Pa absolute].
-    polytropic_exponent : float
-        1.0 isothermal to 1.4 adiabatic [-].
-    """
-
-    temperature: float = 293.15
-    ambient_pressure: float = 101325.0
-    polytropic_exponent: float = 1.0
+    # fmt: off
+    temperature: Annotated[float, Key("K", 200.0, 400.0, text="of gas and ambient")] = 293.15
+    ambient_pressure: Annotated[float, Key("Pa absolute", 3e4, 1.3e5,
+        text="pressure around the robot")] = 101325.0
+    polytropic_exponent: Annotated[float, Key("-", 1.0, 1.4,
+        text="1.0 isothermal (nominal) to 1.4 adiabatic")] = 1.0
+    # fmt: on
 
     def __post_init__(self) -> None:
         """Check the numbers as a rig file's."""
-        _check(self, "gas", "gas")
+        _check(self, "gas")
 
 
 @dataclass(frozen=True, slots=True)
 class Valve:
-    """One valve: a proportional flow valve, or a pressure regulator.
+    """One valve: a proportional flow valve, or a pressure regulator."""
 
-    Attributes
-    ----------
-    kind : str
-        "flow" (spool command -1..1) or "pressure_regulator" (command in Pa gauge).
-    sonic_conductance : float
-        ISO 6358 C, fully open [m^3/(s Pa)].
-    critical_ratio : float
-        ISO 6358 b [-].
-    time_constant : float
-        Of the spool, first order [s]; of a pressure regulator, one over the corner frequency of
-        its two poles [rad/s].
-    full_scale : float or None
-        Pressure regulator: set point at a command of 100 % [Pa gauge].
-    damping : float or None
-        Pressure regulator: damping ratio of these two poles [-]; None: 1, two equal real poles.
-    """
-
-    kind: ValveKind
-    sonic_conductance: float
-    critical_ratio: float = 0.3
-    time_constant: float = 0.005
-    full_scale: float | None = None
-    damping: float | None = None
+    kind: ValveKind  # "flow" (spool command -1..1) or "pressure_regulator" (command in Pa gauge)
+    # fmt: off
+    sonic_conductance: Annotated[float, Key("m^3/(s Pa)", 1e-12, 1e-5, guess=5e-9,
+        text="ISO 6358 C, fully open")]
+    critical_ratio: Annotated[float, Key("-", 0.0, 0.99, guess=0.3, text="ISO 6358 b")] = 0.3
+    # of a pressure regulator, one over the corner frequency of its two poles [rad/s]
+    time_constant: Annotated[float, Key("s", 1e-5, 2.0, guess=0.008,
+        text="of the spool, first order; pressure regulator: of each of its two poles")] = 0.005
+    full_scale: Annotated[float | None, Key("Pa gauge", 1e4, 2.5e6, by_size=True,
+        text="pressure regulator: what a command of 100 % means")] = None
+    damping: Annotated[float | None, Key("-", 0.1, 3.0, by_size=True,
+        text="pressure regulator: damping ratio of its two poles (without: 1); below 1 it "
+             "overshoots")] = None
+    # fmt: on
 
     def __post_init__(self) -> None:
         """Check the numbers as a rig file's."""
         if self.kind not in VALVE_KINDS:
             raise RigError(unknown("kind of valve", self.kind, VALVE_KINDS))
-        _check(self, "valve", "valve")
+        _check(self, "valve")
 
 
 @dataclass(frozen=True, slots=True)
 class Muscle:
-    """One muscle with its valve.
+    """One muscle with its valve."""
 
-    Attributes
-    ----------
-    name : str
-        The name used in all messages.
-    model : str
-        Name of a registered force model.
-    thread_length : float
-        b, length of one braid thread [m].
-    turns : float
-        n, turns of one thread about the axis [-].
-    rest_length : float
-        Unpressurised braid length [m].
-    neutral_length : float
-        Length at joint position 0 [m].
-    valve : Valve
-        The valve that fills and vents it.
-    max_pressure : float
-        Limit above which the driver vents [Pa gauge].
-    wall_thickness : float
-        t_k [m].
-    dead_volume : float
-        Gas volume outside the braid [m^3].
-    board, channel : int, str or None
-        Board and channel that drive and measure it. A board is given by its number or by the name
-        of its section in `Rig.boards`. The kind of board determines which numbers and channels
-        exist. A rig for offline use needs neither.
-    pressure_sensor : PressureSensor or None
-        Another board and channel that measure its pressure; None: the same that drive it.
-    model_parameters : mapping
-        Constants of the force model.
-    effects : mapping
-        Effects that the nominal physics does not have, see `pam_model.effects`.
-    """
-
-    name: str
-    model: str
-    thread_length: float
-    turns: float
-    rest_length: float
-    neutral_length: float
-    valve: Valve
-    max_pressure: float
-    wall_thickness: float = 0.0
-    dead_volume: float = 0.0
+    name: str  # as in all messages
+    model: str  # name of a registered force model
+    # fmt: off
+    thread_length: Annotated[float, Key("m", 5e-3, 10.0, is_measured=True,
+        text="b, length of one thread of the braid")]
+    turns: Annotated[float, Key("-", 1e-2, 1e3, is_measured=True,
+        text="n, turns of one thread about the axis")]
+    rest_length: Annotated[float, Key("m", 5e-3, 10.0, text="unpressurised braid length")]
+    neutral_length: Annotated[float, Key("m", 5e-3, 10.0, is_measured=True,
+        text="length at joint position 0")]
+    valve: Valve  # the valve that fills and vents it
+    max_pressure: Annotated[float, Key("Pa gauge", 1e4, 2.5e6, text="the driver vents above it")]
+    wall_thickness: Annotated[float, Key("m", 0.0, 0.02, text="t_k, bladder and sheath")] = 0.0
+    dead_volume: Annotated[float, Key("m^3", 0.0, 0.01, guess=2e-5,
+        text="gas volume outside the braid (fittings, tube)")] = 0.0
+    # fmt: on
+    # board, channel: what drives and measures it. A board is given by its number or by the name of
+    # its section in `Rig.boards`. The kind of board determines which numbers and channels exist. A
+    # rig for offline use needs neither.
     board: int | str | None = None
     channel: int | str | None = None
+    # another board and channel that measure its pressure; None: the same that drive it
     pressure_sensor: PressureSensor | None = None
+    # constants of the force model
     model_parameters: Mapping[str, float] = field(default_factory=dict)
+    # effects that the nominal physics does not have, see `pam_model.effects`
     effects: EffectValues = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Check the numbers as a rig file's."""
-        _check(self, "muscle", self.name)
+        _check(self, self.name)
         _check_effects(self.effects, "muscle", self.name)
 
     @property
@@ -206,63 +172,42 @@ class Muscle:
 
 @dataclass(frozen=True, slots=True)
 class Joint:
-    """One joint: a pulley between two muscles.
+    """One joint: a pulley between two muscles."""
 
-    Attributes
-    ----------
-    name : str
-        The name used in all messages.
-    muscles : tuple of str
-        (agonist, antagonist); the agonist's force gives positive torque.
-    pulley_radius : float
-        [m].
-    inertia : float
-        [kg m^2].
-    position_limits : tuple of float
-        (lower, upper) [rad].
-    viscous_friction : float
-        [N m s/rad].
-    gravity_torque : float
-        m g l [N m]; torque = -gravity_torque sin(position - gravity_angle).
-    gravity_angle : float
-        [rad].
-    max_velocity : float
-        Largest speed of the joint [rad/s]. References stay below it, and the driver stops a joint
-        that is measured to be faster.
-    reduced_velocity : float
-        Largest speed of the joint while full speed is not permitted, if the rig file has that
-        input, see `People` [rad/s].
-    max_acceleration : float
-        Largest acceleration of a reference [rad/s^2].
-    max_tracking_error : float
-        Largest difference between reference and measurement that may last [rad].
-    max_stiffness_rate : float
-        Largest rate of change of the stiffness reference [N m/(rad s)].
-    encoder : Encoder or None
-        A rig for offline use needs none.
-    effects : mapping
-        Effects that the nominal physics does not have, see `pam_model.effects`.
-    """
-
-    name: str
-    muscles: tuple[str, str]
-    pulley_radius: float
-    inertia: float
-    position_limits: tuple[float, float]
-    viscous_friction: float = 0.0
-    gravity_torque: float = 0.0
-    gravity_angle: float = 0.0
-    max_velocity: float = 6.0
-    reduced_velocity: float = 0.5
-    max_acceleration: float = 200.0
-    max_tracking_error: float = 0.5
-    max_stiffness_rate: float = 50.0
-    encoder: Encoder | None = None
+    name: str  # as in all messages
+    muscles: tuple[str, str]  # (agonist, antagonist); the agonist's force gives positive torque
+    # fmt: off
+    pulley_radius: Annotated[float, Key("m", 1e-3, 0.5, is_measured=True,
+        text="radius at which the tendons of both muscles pull")]
+    inertia: Annotated[float, Key("kg m^2", 1e-8, 1e3, guess=1e-3, text="about the joint's axis")]
+    position_limits: tuple[float, float]  # (lower, upper) [rad]
+    viscous_friction: Annotated[float, Key("N m s/rad", 0.0, 1e3, guess=1e-3,
+        text="torque of the joint's own damping over its speed")] = 0.0
+    gravity_torque: Annotated[float, Key("N m", -1e4, 1e4, guess=0.0,
+        text="m g l; torque = -gravity_torque sin(position - gravity_angle); 0 on a joint with a "
+             "vertical axis")] = 0.0
+    gravity_angle: Annotated[float, Key("rad", -TURN, TURN, guess=0.0,
+        text="position at which gravity exerts no torque")] = 0.0
+    max_velocity: Annotated[float, Key("rad/s", 0.01, 100.0,
+        text="largest speed of the joint; references keep 60 % of it, and the driver stops a joint "
+             "that is measured to be faster")] = 6.0
+    # only with that input, see `People`
+    reduced_velocity: Annotated[float, Key("rad/s", 0.01, 100.0,
+        text="the same while full speed is not permitted")] = 0.5
+    max_acceleration: Annotated[float, Key("rad/s^2", 0.1, 1e5,
+        text="largest acceleration of a reference")] = 200.0
+    max_tracking_error: Annotated[float, Key("rad", 1e-3, 10.0, by_size=True,
+        text="largest difference between reference and measurement that may last")] = 0.5
+    max_stiffness_rate: Annotated[float, Key("N m/(rad s)", 1e-2, 1e5,
+        text="largest rate of change of the stiffness reference")] = 50.0
+    # fmt: on
+    encoder: Encoder | None = None  # a rig for offline use needs none
+    # effects that the nominal physics does not have, see `pam_model.effects`
     effects: EffectValues = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Check the numbers as a rig file's."""
-        _check(self, "joint", self.name)
+        _check(self, self.name)
         _check_effects(self.effects, "joint", self.name)
 
     def counted_the_other_way(self) -> Joint:
@@ -296,44 +241,35 @@ class Plausibility:
 
     Those that are None follow from the size of muscle or joint, see
     `pam_driver.safety.limits_by_size`.
-
-    Attributes
-    ----------
-    pressure_residual : float or None
-        Difference between the measured pressure and the one expected from valve and gas [Pa].
-    torque_share : float
-        Difference between the torque of the measured pressures and the torque that the motion
-        needs, over the torque of the agonist alone at its highest pressure [-].
-    warning_share : float
-        Part of any of these limits above which the driver warns [-].
-    pressure_noise, position_noise : float or None
-        Standard deviation between neighbouring samples [Pa], [rad].
-    position_jump : float or None
-        Change of a position between neighbouring samples [rad].
-    position_margin : float
-        Permitted distance of a joint beyond its position limits [rad].
-    pressure_rate : float or None
-        Largest rate of a pressure, taken over 10 ms [Pa/s].
-    supply_share : float
-        Lowest supply pressure over the nominal one, both gauge [-].
-    supply_high_share : float
-        Highest supply pressure over the nominal one, both gauge [-].
     """
 
-    pressure_residual: float | None = None
-    torque_share: float = 0.25
-    warning_share: float = 0.5
-    pressure_noise: float | None = None
-    position_noise: float | None = None
-    position_jump: float | None = None
-    position_margin: float = 0.05
-    pressure_rate: float | None = None
-    supply_share: float = 0.5
-    supply_high_share: float = 1.3
+    # fmt: off
+    pressure_residual: Annotated[float | None, Key("Pa", 1e3, 2.5e6, by_size=True,
+        text="deviation of a pressure from what valve and gas should give")] = None
+    torque_share: Annotated[float, Key("-", 0.01, 100.0,
+        text="deviation of the torque of the pressures from what the motion needs, divided by the "
+             "torque of the agonist at its highest pressure")] = 0.25
+    warning_share: Annotated[float, Key("-", 0.05, 1.0,
+        text="share of any of these limits at which a warning begins")] = 0.5
+    pressure_noise: Annotated[float | None, Key("Pa", 10.0, 2.5e6, by_size=True,
+        text="standard deviation between neighbouring samples")] = None
+    position_noise: Annotated[float | None, Key("rad", 1e-4, 10.0, by_size=True,
+        text="standard deviation of neighbouring samples")] = None
+    position_jump: Annotated[float | None, Key("rad", 1e-3, 10.0, by_size=True,
+        text="change of an angle between neighbouring samples")] = None
+    position_margin: Annotated[float, Key("rad", 0.0, 10.0,
+        text="how far the angle of a joint may exceed position_limits")] = 0.05
+    pressure_rate: Annotated[float | None, Key("Pa/s", 1e4, 1e9, by_size=True,
+        text="fastest plausible change of a pressure, over 10 ms")] = None
+    supply_share: Annotated[float, Key("-", 0.0, 1.0,
+        text="lowest supply pressure divided by the nominal one, both gauge")] = 0.5
+    supply_high_share: Annotated[float, Key("-", 1.01, 100.0,
+        text="highest supply pressure divided by the nominal one, both gauge")] = 1.3
+    # fmt: on
 
     def __post_init__(self) -> None:
         """Refuse what is no limit; a study may have sharper or wider ones than a rig file."""
-        limits = {name: (0.0, math.inf, key.unit) for name, key in NUMBERS["plausibility"].items()}
+        limits = {name: (0.0, math.inf, key.unit) for name, key in keys_of(Plausibility).items()}
         check_numbers(self, "plausibility", limits, error=RigError)
 
 
@@ -370,11 +306,18 @@ class Rig:
     """
 
     gas: Gas
-    supply_pressure: float
+    # fmt: off
+    supply_pressure: Annotated[float, Key("Pa absolute", 1.05e5, 2.5e6, is_measured=True,
+        text="what the valves draw from")]
     joints: tuple[Joint, ...]
     muscles: tuple[Muscle, ...]
-    parameter_tolerance: float = 0.02
-    length_tolerance: float | None = None
+    parameter_tolerance: Annotated[float, Key("-", 0.0, 0.5,
+        text="how far the true value of a number may be from the written one, relative (0.02 = 2 "
+             "%)")] = 0.02
+    length_tolerance: Annotated[float | None, Key("-", 0.0, 0.5, by_size=True,
+        text="the same for pulley radius, thread length, turns, neutral length and wall "
+             "thickness")] = None
+    # fmt: on
     effects: EffectValues = field(default_factory=dict)
     plausibility: Plausibility = Plausibility()
     people: People = field(default_factory=People)
@@ -386,7 +329,7 @@ class Rig:
 
     def __post_init__(self) -> None:
         """Check the numbers as a rig file's."""
-        _check(self, "", "")
+        _check(self, "")
         _check_effects(self.effects, "rig", "")
 
     @property
@@ -504,3 +447,16 @@ class Rig:
         for muscle in self.muscles:
             tree[muscle.name] = fields_of(muscle)
         return tree
+
+
+NUMBERS: Final[Mapping[str, Mapping[str, Key]]] = {
+    "": keys_of(Rig),
+    "gas": keys_of(Gas),
+    "bus": keys_of(Bus),
+    "joint": keys_of(Joint),
+    "muscle": keys_of(Muscle),
+    "valve": keys_of(Valve),
+    "people": keys_of(People),
+    "plausibility": keys_of(Plausibility),
+}
+"""Every number of a rig file, by section ("" is the top level)."""

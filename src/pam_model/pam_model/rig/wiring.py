@@ -3,37 +3,28 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
+
+from pam_model.rig.keys import Key
 
 
 @dataclass(frozen=True, slots=True)
 class Bus:
-    """One CAN bus of a robot that has several; boards refer to it by its name.
+    """One CAN bus of a robot that has several; boards refer to it by its name."""
 
-    Attributes
-    ----------
-    interface, channel : str
-        As python-can takes them.
-    bitrate : int
-        [bit/s]; of CAN FD that of the arbitration phase.
-    fd : bool
-        Whether CAN FD frames are used.
-    data_bitrate : int
-        Of the data phase of CAN FD frames [bit/s].
-    port : int
-        UDP port, used by the interface udp_multicast only.
-    options : str
-        Further options of the interface: name=value, name=value.
-    canopen : bool
-        Whether CANopen devices share the bus; their identifiers are then refused to boards.
-    """
-
+    # interface, channel: as python-can takes them
     interface: str = "socketcan"
     channel: str = "can0"
-    bitrate: int = 1_000_000
-    fd: bool = False
-    data_bitrate: int = 2_000_000
-    port: int = 43113
-    options: str = ""
+    # fmt: off
+    bitrate: Annotated[int, Key("bit/s", 10_000, 1_000_000,
+        text="for the bus load; with CAN FD, that of the arbitration phase")] = 1_000_000
+    fd: bool = False  # whether CAN FD frames are used
+    data_bitrate: Annotated[int, Key("bit/s", 10_000, 8_000_000,
+        text="of the data phase of CAN FD frames")] = 2_000_000
+    port: Annotated[int, Key("-", 1024, 65535, text="UDP port, used by udp_multicast only")] = 43113
+    # fmt: on
+    options: str = ""  # further options of the interface: name=value, name=value
+    # whether CANopen devices share the bus; their identifiers are then refused to boards
     canopen: bool = False
 
 

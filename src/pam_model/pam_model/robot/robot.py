@@ -27,21 +27,12 @@ AppliedLaw = tuple[Effect, Slot, tuple[float, ...]]
 
 @dataclass(frozen=True, slots=True)
 class Supply:
-    """The one supply of all valves: a reservoir that is refilled through a restriction.
+    """The one supply of all valves: a reservoir that is refilled through a restriction."""
 
-    Attributes
-    ----------
-    pressure : float
-        Of the source, and of the full reservoir [Pa absolute].
-    refill_conductance : float
-        ISO 6358 C of the refill path [m^3/(s Pa)]; 0: an ideal supply, which never sags.
-    reservoir_volume : float
-        [m^3]; has no meaning for an ideal supply.
-    """
-
-    pressure: float
+    pressure: float  # of the source, and of the full reservoir [Pa absolute]
+    # ISO 6358 C of the refill path [m^3/(s Pa)]; 0: an ideal supply, which never sags
     refill_conductance: float
-    reservoir_volume: float
+    reservoir_volume: float  # [m^3]; has no meaning for an ideal supply
 
     @property
     def is_ideal(self) -> bool:
@@ -51,18 +42,10 @@ class Supply:
 
 @dataclass(frozen=True, slots=True)
 class Tube:
-    """A tube between valve and muscle; the pressure sensor is on the valve's side.
+    """A tube between valve and muscle; the pressure sensor is on the valve's side."""
 
-    Attributes
-    ----------
-    conductance : float
-        ISO 6358 C [m^3/(s Pa)].
-    volume : float
-        [m^3].
-    """
-
-    conductance: float
-    volume: float
+    conductance: float  # ISO 6358 C [m^3/(s Pa)]
+    volume: float  # [m^3]
 
 
 class _HasLaws(Protocol):
@@ -80,39 +63,17 @@ def _laws(owner: _HasLaws, kind: type[Any], treatment: type | None) -> list[Any]
 
 @dataclass(frozen=True, slots=True)
 class RobotValve:
-    """The valve of one muscle.
+    """The valve of one muscle."""
 
-    Attributes
-    ----------
-    kind : str
-        "flow" or "pressure_regulator".
-    sonic_conductance : float
-        ISO 6358 C of the supply path, fully open [m^3/(s Pa)].
-    exhaust_ratio : float
-        Conductance of the exhaust path over that of the supply path [-].
-    critical_ratio : float
-        ISO 6358 b [-].
-    time_constant : float
-        Of the spool, or of each pole of a pressure regulator [s].
-    damping : float
-        Of the two poles of a pressure regulator [-].
-    command_delay : float
-        [s].
-    full_scale : float or None
-        Pressure regulator: set point at a command of 100 % [Pa gauge].
-    tube : Tube or None
-        Between valve and muscle.
-    """
-
-    kind: ValveKind
-    sonic_conductance: float
-    exhaust_ratio: float
-    critical_ratio: float
-    time_constant: float
-    damping: float
-    command_delay: float
-    full_scale: float | None
-    tube: Tube | None
+    kind: ValveKind  # "flow" or "pressure_regulator"
+    sonic_conductance: float  # ISO 6358 C of the supply path, fully open [m^3/(s Pa)]
+    exhaust_ratio: float  # conductance of the exhaust path over that of the supply path [-]
+    critical_ratio: float  # ISO 6358 b [-]
+    time_constant: float  # of the spool, or of each pole of a pressure regulator [s]
+    damping: float  # of the two poles of a pressure regulator [-]
+    command_delay: float  # [s]
+    full_scale: float | None  # pressure regulator: set point at a command of 100 % [Pa gauge]
+    tube: Tube | None  # between valve and muscle
 
     @property
     def follows_after(self) -> float:
@@ -124,51 +85,30 @@ class RobotValve:
 
 @dataclass(frozen=True, slots=True)
 class RobotMuscle:
-    """One muscle with its valve and its pressure sensor.
+    """One muscle with its valve and its pressure sensor."""
 
-    Attributes
-    ----------
-    place : int
-        In `Robot.muscles`.
-    name : str
-        As in the rig file.
-    model, geometry, constants, static_effects
-        Name, braid and constants of the force model, factor on the contraction and compliance of
-        the cable: with the laws in `applied`, the static force follows from them.
-    force_model : ForceModel
-        The static force, with the effects that change it.
-    neutral_length : float
-        At position 0 of all its joints [m].
-    arms : tuple of Arm
-        The joints that it turns; empty for a bench muscle.
-    dead_volume : float
-        Gas volume outside the braid, at least 0 [m^3].
-    max_pressure : float
-        Limit above which the driver vents [Pa gauge].
-    valve : RobotValve
-        The valve that fills and vents it.
-    pressure_gain, pressure_bias, pressure_lag : float
-        Of its pressure sensor: reading over pressure [-], zero [Pa], first order lag [s].
-    applied : tuple of AppliedLaw
-        The effects that are laws rather than numbers.
-    """
-
-    place: int
-    name: str
+    place: int  # in `Robot.muscles`
+    name: str  # as in the rig file
+    # model, geometry, constants, static_effects: name, braid and constants of the force model,
+    # factor on the contraction and compliance of the cable: with the laws in `applied`, the static
+    # force follows from them
     model: str
     geometry: MuscleGeometry
     constants: tuple[tuple[str, float], ...]
     static_effects: tuple[float, ...]
+    # the static force, with the effects that change it
     force_model: ForceModel = field(compare=False, repr=False)
-    neutral_length: float
-    arms: tuple[Arm, ...]
-    dead_volume: float
-    max_pressure: float
-    valve: RobotValve
+    neutral_length: float  # at position 0 of all its joints [m]
+    arms: tuple[Arm, ...]  # the joints that it turns; empty for a bench muscle
+    dead_volume: float  # gas volume outside the braid, at least 0 [m^3]
+    max_pressure: float  # limit above which the driver vents [Pa gauge]
+    valve: RobotValve  # the valve that fills and vents it
+    # pressure_gain, pressure_bias, pressure_lag: of its pressure sensor: reading over pressure [-],
+    # zero [Pa], first order lag [s]
     pressure_gain: float
     pressure_bias: float
     pressure_lag: float
-    applied: tuple[AppliedLaw, ...]
+    applied: tuple[AppliedLaw, ...]  # the effects that are laws rather than numbers
 
     def laws[S: Slot](
         self, kind: type[S], treatment: type | None = None
@@ -187,50 +127,30 @@ class RobotMuscle:
 
 @dataclass(frozen=True, slots=True)
 class RobotJoint:
-    """One joint.
+    """One joint."""
 
-    Attributes
-    ----------
-    place : int
-        In `Robot.joints`.
-    name : str
-        As in the rig file.
-    arms : tuple of Arm
-        The muscles that turn it, in the order of the rig file.
-    inertia : float
-        [kg m^2].
-    viscous_friction : float
-        [N m s/rad].
-    gravity_torque, gravity_angle : float
-        torque = -gravity_torque sin(position - gravity_angle) [N m], [rad].
-    position_limits : tuple of float
-        [rad].
-    max_velocity, reduced_velocity : float
-        Largest speed, and while full speed is not permitted [rad/s].
-    max_acceleration, max_tracking_error, max_stiffness_rate : float
-        Limits of motion of the rig file [rad/s^2], [rad], [N m/(rad s)].
-    position_offset, position_delay : float
-        Of its encoder: added to the reading [rad], [s].
-    applied : tuple of AppliedLaw
-        The effects that are laws rather than numbers.
-    """
-
-    place: int
-    name: str
-    arms: tuple[Arm, ...]
-    inertia: float
-    viscous_friction: float
+    place: int  # in `Robot.joints`
+    name: str  # as in the rig file
+    arms: tuple[Arm, ...]  # the muscles that turn it, in the order of the rig file
+    inertia: float  # [kg m^2]
+    viscous_friction: float  # [N m s/rad]
+    # gravity_torque, gravity_angle: torque = -gravity_torque sin(position - gravity_angle) [N m],
+    # [rad]
     gravity_torque: float
     gravity_angle: float
-    position_limits: tuple[float, float]
+    position_limits: tuple[float, float]  # [rad]
+    # max_velocity, reduced_velocity: largest speed, and while full speed is not permitted [rad/s]
     max_velocity: float
     reduced_velocity: float
+    # max_acceleration, max_tracking_error, max_stiffness_rate: limits of motion of the rig file
+    # [rad/s^2], [rad], [N m/(rad s)]
     max_acceleration: float
     max_tracking_error: float
     max_stiffness_rate: float
+    # position_offset, position_delay: of its encoder: added to the reading [rad], [s]
     position_offset: float
     position_delay: float
-    applied: tuple[AppliedLaw, ...]
+    applied: tuple[AppliedLaw, ...]  # the effects that are laws rather than numbers
 
     @property
     def muscles(self) -> tuple[int, ...]:
@@ -246,29 +166,14 @@ class RobotJoint:
 
 @dataclass(frozen=True, slots=True)
 class Robot:
-    """Joints, muscles and one supply, as the numbers that hold.
+    """Joints, muscles and one supply, as the numbers that hold."""
 
-    Attributes
-    ----------
-    gas : Gas
-        Gas and ambient.
-    supply : Supply
-        The supply of all valves.
-    joints : tuple of RobotJoint
-        In the rig file's order.
-    muscles : tuple of RobotMuscle
-        In the rig file's order.
-    plausibility : Plausibility
-        Limits of the driver's checks.
-    rig : Rig
-        The file as written, for wiring and messages; its numbers are not those that hold.
-    """
-
-    gas: Gas
-    supply: Supply
-    joints: tuple[RobotJoint, ...]
-    muscles: tuple[RobotMuscle, ...]
-    plausibility: Plausibility
+    gas: Gas  # gas and ambient
+    supply: Supply  # the supply of all valves
+    joints: tuple[RobotJoint, ...]  # in the rig file's order
+    muscles: tuple[RobotMuscle, ...]  # in the rig file's order
+    plausibility: Plausibility  # limits of the driver's checks
+    # the file as written, for wiring and messages; its numbers are not those that hold
     rig: Rig = field(compare=False, repr=False)
 
     @property

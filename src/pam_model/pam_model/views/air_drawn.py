@@ -37,8 +37,6 @@ def air_drawn(
     ----------
     robot : Robot
         Gives gas and supply.
-    muscle : RobotMuscle
-        One of its muscles.
     commands : ndarray, shape (n,)
         Spool from -1 to 1 of a flow valve, set point of a regulator [Pa gauge]; each is held for
         one period.

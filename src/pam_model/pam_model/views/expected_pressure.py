@@ -28,25 +28,16 @@ _REGULATED: Final = 2e4
 
 
 class GasState(NamedTuple):
-    """The gas of one muscle.
+    """The gas of one muscle."""
 
-    Attributes
-    ----------
-    commands : tuple of float
-        Those that do not act yet because of the command's delay, the oldest first.
-    spool : float
-        Command after the lag of the spool or the regulator, as fraction of full scale.
-    at_sensor, inside : float
-        Pressures at the sensor and in the muscle [Pa absolute]; equal without a tube. NaN: unknown.
-    spool_rate : float
-        Rate of `spool` behind a regulator [1/s].
-    """
-
+    # those that do not act yet because of the command's delay, the oldest first
     commands: tuple[float, ...]
-    spool: float
+    spool: float  # command after the lag of the spool or the regulator, as fraction of full scale
+    # at_sensor, inside: Pressures at the sensor and in the muscle [Pa absolute]; equal without a
+    # tube. NaN: unknown.
     at_sensor: float
     inside: float
-    spool_rate: float = 0.0
+    spool_rate: float = 0.0  # rate of `spool` behind a regulator [1/s]
 
     def corrected(self, change: float) -> GasState:
         """The state with both pressures changed by `change` [Pa]."""
@@ -82,8 +73,6 @@ class ExpectedPressure:
     ----------
     robot : Robot
         Gives gas, supply and position limits.
-    muscle : RobotMuscle
-        One of its muscles.
     period : float
         Of a step [s].
     """

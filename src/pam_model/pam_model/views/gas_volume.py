@@ -25,8 +25,6 @@ def gas_space(muscle: RobotMuscle, pressure: float, length: float) -> tuple[floa
 
     Parameters
     ----------
-    muscle : RobotMuscle
-        The muscle.
     pressure : float
         [Pa gauge].
     length : float

@@ -26,8 +26,6 @@ def harmless_pressure(
 
     Parameters
     ----------
-    robot : Robot
-        The robot.
     arm : Arm
         The muscle at the joint.
     angle : float

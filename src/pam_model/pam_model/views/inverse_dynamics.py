@@ -9,7 +9,6 @@ All parameters include the effects that the rig file names, such as a payload.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -19,6 +18,7 @@ import numpy.typing as npt
 from pam_model.effects import TorqueFeedforward, bound
 from pam_model.effects.slots import JointTorque
 from pam_model.robot.robot import RobotJoint
+from pam_model.views.gravity import gravity_stiffness, gravity_torque
 
 Array = npt.NDArray[np.float64]
 
@@ -27,34 +27,23 @@ Array = npt.NDArray[np.float64]
 class InverseDynamics:
     """One joint's equation of motion."""
 
-    inertia: float  # [kg m^2]
-    viscous_friction: float  # [N m s/rad]
-    gravity_torque: float  # m g l [N m]
-    gravity_angle: float  # angle at which gravity acts along the limb and makes no torque [rad]
+    joint: RobotJoint
     # other torques [N m] that act on the joint, as functions of position [rad] and velocity [rad/s]
     smooth_torques: tuple[Callable[[float, float], float], ...] = ()
 
     @classmethod
     def from_joint(cls, joint: RobotJoint) -> InverseDynamics:
         """Create it from a joint of a robot."""
-        return cls(
-            joint.inertia,
-            joint.viscous_friction,
-            joint.gravity_torque,
-            joint.gravity_angle,
-            tuple(
-                bound(slot.law, values)
-                for _, slot, values in joint.laws(JointTorque, TorqueFeedforward)
-            ),
-        )
+        smooth = joint.laws(JointTorque, TorqueFeedforward)
+        return cls(joint, tuple(bound(slot.law, values) for _, slot, values in smooth))
 
     def gravity(self, position: float) -> float:
         """Torque [N m] that holds the limb still at `position` [rad]."""
-        return self.gravity_torque * math.sin(position - self.gravity_angle)
+        return -gravity_torque(self.joint, position)
 
     def gravity_stiffness(self, position: float) -> float:
         """Derivative of `gravity` [N m/rad]; positive where gravity acts as a restoring spring."""
-        return self.gravity_torque * math.cos(position - self.gravity_angle)
+        return gravity_stiffness(self.joint, position)
 
     def _added(self, position: float, velocity: float) -> float:
         """Sum of the smooth torques [N m]."""
@@ -71,11 +60,11 @@ class InverseDynamics:
         self, velocity: Number, acceleration: Number
     ) -> Number:
         """Torque [N m] that inertia and viscous friction take of a motion [rad/s], [rad/s^2]."""
-        return self.inertia * acceleration + self.viscous_friction * velocity
+        return self.joint.inertia * acceleration + self.joint.viscous_friction * velocity
 
     def acceleration(self, torque: float) -> float:
         """Acceleration [rad/s^2] that a torque [N m] gives to the limb alone."""
-        return torque / self.inertia
+        return torque / self.joint.inertia
 
     def torque(self, position: float, velocity: float, acceleration: float) -> float:
         """Torque [N m] for a motion [rad], [rad/s], [rad/s^2]."""

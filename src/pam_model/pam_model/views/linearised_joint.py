@@ -22,7 +22,7 @@ import numpy.typing as npt
 
 from pam_model.joints.joint_statics import JointStatics
 from pam_model.robot.robot import RobotJoint
-from pam_model.views.inverse_dynamics import InverseDynamics
+from pam_model.views.gravity import gravity_stiffness
 
 PRESSURE_STEP = 10.0  # Pa
 POSITION_STEP = 1e-5  # rad
@@ -108,14 +108,13 @@ def operating_point(
             pressures, model.volume_slopes(position), model.volumes(position), strict=True
         )
     ]
-    dynamics = InverseDynamics.from_joint(joint)
     return OperatingPoint(
         position=position,
         stiffness=statics(pressures, position)[1],
         pressures=tuple(pressures),
-        inertia=dynamics.inertia,
-        damping=dynamics.viscous_friction,
-        spring=-by_position[0] + dynamics.gravity_stiffness(position),
+        inertia=joint.inertia,
+        damping=joint.viscous_friction,
+        spring=-by_position[0] + gravity_stiffness(joint, position),
         torque_slopes=tuple(torque for torque, _ in by_pressure),
         motion_pressure=tuple(motion),
         per_torque=tuple(per_torque),

@@ -16,8 +16,6 @@ def path_length(muscle: RobotMuscle, positions: Any) -> Any:
 
     Parameters
     ----------
-    muscle : RobotMuscle
-        The muscle.
     positions : sequence or mapping of float or array
         By joint of the robot [rad].
     """
@@ -51,8 +49,6 @@ def strokes_over_travel(robot: Robot, muscle: RobotMuscle, places: int) -> list[
     ----------
     robot : Robot
         Gives the position limits.
-    muscle : RobotMuscle
-        One of its muscles.
     places : int
         Positions of each joint, evenly spaced from limit to limit.
 

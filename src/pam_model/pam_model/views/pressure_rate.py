@@ -27,8 +27,6 @@ def valve_mass_flow(
     ----------
     robot : Robot
         Gives gas and supply.
-    muscle : RobotMuscle
-        One of its muscles.
     opening : float
         -1 (exhaust fully open) to 1 (supply fully open).
     pressure : float

@@ -25,8 +25,6 @@ def time_to_empty(robot: Robot, muscle: RobotMuscle, high: float, low: float) ->
     ----------
     robot : Robot
         Gives the gas.
-    muscle : RobotMuscle
-        One of its muscles.
     high, low : float
         [Pa gauge], `low` above 0.
     """

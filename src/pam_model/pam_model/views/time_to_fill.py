@@ -29,8 +29,6 @@ def time_to_fill(robot: Robot, muscle: RobotMuscle, low: float, high: float) -> 
     ----------
     robot : Robot
         Gives gas and supply; its reservoir is full at first.
-    muscle : RobotMuscle
-        One of its muscles.
     low, high : float
         [Pa gauge].
 

@@ -46,8 +46,6 @@ def unbalanced_torque(joint: RobotJoint, torque: float, position: float, velocit
 
     Parameters
     ----------
-    joint : RobotJoint
-        The joint.
     torque : float
         Of its muscles [N m].
     position, velocity : float

@@ -21,10 +21,6 @@ def torque_range(
 
     Parameters
     ----------
-    robot : Robot
-        The robot.
-    joint : RobotJoint
-        One of its joints.
     position : float
         [rad]; outside the range of the force models the nearest position counts.
     supplied : bool, optional

@@ -78,8 +78,6 @@ def robot_as_urdf(robot: Robot, name: str) -> str:
     ----------
     robot : Robot
         The robot; bench muscles without a joint are left out.
-    name : str
-        Name of the robot.
 
     Raises
     ------

@@ -56,8 +56,6 @@ class SimulatedPamBoard:
         Rates and watchdog.
     valves : sequence of BoardValve, optional
         The valves on its channels.
-    channels : sequence of int, optional
-        The channel of each valve.
     now : float, optional
         Time of power-up [s].
     sensors : sequence of int, optional

@@ -69,33 +69,22 @@ def lagging(time_constant: float) -> Reading:
 
 @dataclass(slots=True)
 class RigFaults:
-    """The present faults.
+    """The present faults."""
 
-    Attributes
-    ----------
-    sensors : dict
-        Faulty readings by (board, input): pressures are numbered from 0, the encoder is `POSITION`.
-    swapped : set of int or str
-        Boards whose pressure sensors are exchanged.
-    valves : dict
-        By (board, valve): the opening at which a valve is stuck, -1 to 1, NaN for its present one.
-    exhausts : dict
-        By (board, valve): the largest opening to ambient, 0 for a blocked exhaust.
-    crossed : set of int or str
-        Boards whose first two valves are connected to each other's muscle.
-    frozen : dict of int or str to float
-        Boards whose processor hangs, with the time at which a hardware watchdog resets them [s];
-        it is not the watchdog that supervises commands.
-    unplugged : set of int or str
-        Boards that are not connected to their bus, with their supply of power.
-    """
-
+    # faulty readings by (board, input): pressures are numbered from 0, the encoder is `POSITION`
     sensors: dict[tuple[Address, int], Reading] = field(default_factory=dict)
+    # by (board, valve): the opening at which a valve is stuck, -1 to 1, NaN for its present one
     valves: dict[tuple[Address, int], float] = field(default_factory=dict)
+    # by (board, valve): the largest opening to ambient, 0 for a blocked exhaust
     exhausts: dict[tuple[Address, int], float] = field(default_factory=dict)
+    # boards whose first two valves are connected to each other's muscle
     crossed: set[Address] = field(default_factory=set)
+    # boards whose processor hangs, with the time at which a hardware watchdog resets them [s]; it
+    # is not the watchdog that supervises commands
     frozen: dict[Address, float] = field(default_factory=dict)
+    # boards that are not connected to their bus, with their supply of power
     unplugged: set[Address] = field(default_factory=set)
+    # boards whose pressure sensors are exchanged
     swapped: set[Address] = field(default_factory=set)
 
     def clear(self) -> None:

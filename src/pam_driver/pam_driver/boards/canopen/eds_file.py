@@ -109,8 +109,6 @@ def read_eds(text: str, node: int) -> EdsContent:
 
     Parameters
     ----------
-    text : str
-        The file.
     node : int
         Node number, which replaces `$NODEID`.
     """

@@ -179,8 +179,6 @@ def steps_of(
 
     Parameters
     ----------
-    plan : PdoPlan
-        The PDO.
     direction : PdoDirection
         Whether the device receives or transmits it.
     dictionary : Dictionary

@@ -54,21 +54,15 @@ class Demand(NamedTuple):
 
 @dataclass
 class SignalReader:
-    """Reads all signals of one device; problems are added to the section.
-
-    Attributes
-    ----------
-    demands, readings : list
-        Set points and measurements.
-    types : dict of ObjectName to ObjectType
-        The types of all objects that are used.
-    """
+    """Reads all signals of one device; problems are added to the section."""
 
     wired: WiredBoard
     dictionary: Dictionary
     top: Section
+    # demands, readings: set points and measurements
     demands: list[Demand] = field(default_factory=list)
     readings: list[UnplacedInput] = field(default_factory=list)
+    # the types of all objects that are used
     types: dict[ObjectName, ObjectType] = field(default_factory=dict)
     _used: dict[ObjectName, str] = field(default_factory=dict)
 

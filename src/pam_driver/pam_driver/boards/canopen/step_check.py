@@ -89,8 +89,6 @@ def refused_timing(
 
     Parameters
     ----------
-    plan : PdoPlan
-        The PDO.
     direction : PdoDirection
         Whether the device receives or transmits it.
     dictionary : Dictionary

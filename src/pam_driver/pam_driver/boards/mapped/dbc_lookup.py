@@ -31,8 +31,6 @@ class DbcLookup:
 
     Parameters
     ----------
-    path : Path
-        The DBC file.
     offset : int
         Added to every identifier, for several devices with one DBC file.
 

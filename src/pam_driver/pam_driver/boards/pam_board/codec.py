@@ -132,8 +132,6 @@ class BoardCodec:
 
         Parameters
         ----------
-        path : str or Path, optional
-            The DBC file.
         with_canopen : bool, optional
             Use the identifiers that share a bus with CANopen devices.
 
@@ -226,8 +224,6 @@ class BoardCodec:
         ----------
         board : int
             Number of the board.
-        message : type
-            The message.
         raw : mapping of str to int
             Raw value by signal; others are 0.
         """

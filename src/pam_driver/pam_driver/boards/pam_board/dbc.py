@@ -155,8 +155,6 @@ def read_dbc(path: str | Path, *, with_canopen: bool = False) -> BoardDbc:
 
     Parameters
     ----------
-    path : str or Path
-        The DBC file.
     with_canopen : bool, optional
         Use the identifiers that the attribute `IdWithCanopen` gives to each message.
 

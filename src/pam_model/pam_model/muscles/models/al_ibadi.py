@@ -19,7 +19,7 @@ from pam_model.errors import DomainError
 from pam_model.muscles.braid import ThinCylinder, braid_diameter, require_length
 from pam_model.muscles.elastic_wall import CurvedMuscle
 from pam_model.muscles.elementary import all_true, arc_cosine, exponential, sine, tangent
-from pam_model.muscles.force_model import ModelParameter, MuscleGeometry, register
+from pam_model.muscles.force_model import ModelParameter, register
 
 PASCAL_PER_BAR = 1e5
 _LARGEST = 2.0
@@ -75,11 +75,6 @@ class AlIbadi(CurvedMuscle):
         self._a = 3.0 / tangent(angle) ** 2
         self._b = 1.0 / sine(angle) ** 2
         self._area = 0.25 * math.pi * braid_diameter(thread_length, turns, rest_length) ** 2
-
-    @classmethod
-    def from_geometry(cls, geometry: MuscleGeometry, constants: Mapping[str, float]) -> AlIbadi:
-        """The model of a muscle in a rig file."""
-        return cls(geometry.thread_length, geometry.turns, geometry.rest_length, **constants)
 
     @property
     def length_bounds(self) -> tuple[float, float]:

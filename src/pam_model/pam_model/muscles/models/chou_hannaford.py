@@ -21,7 +21,7 @@ from pam_model.errors import DomainError
 from pam_model.muscles.braid import ThinCylinder, braid_diameter, require_length
 from pam_model.muscles.elastic_wall import lengths_with_room
 from pam_model.muscles.elementary import square_root
-from pam_model.muscles.force_model import ModelParameter, MuscleGeometry, register
+from pam_model.muscles.force_model import ModelParameter, register
 
 
 def _check_wall(wall_thickness: float, diameter: float, where: str) -> None:
@@ -67,13 +67,6 @@ class ChouHannaford(ThinCylinder):
         self._diameter90 = diameter
         bore = 2.0 * wall_thickness * turns * math.pi
         self._longest = square_root(self._square - bore * bore)
-
-    @classmethod
-    def from_geometry(
-        cls, geometry: MuscleGeometry, constants: Mapping[str, float]
-    ) -> ChouHannaford:
-        """The model of a muscle in a rig file; it has no constants of its own."""
-        return cls(geometry.thread_length, geometry.turns, geometry.wall_thickness)
 
     @property
     def length_bounds(self) -> tuple[float, float]:
@@ -159,18 +152,6 @@ class ChouHannafordIncompressible(ThinCylinder):
         self.wall_thickness = wall_thickness
         self.wall_volume = math.pi * wall_thickness * (outer - wall_thickness) * rest_length
         self._bounds = lengths_with_room(self, self.wall_volume)
-
-    @classmethod
-    def from_geometry(
-        cls, geometry: MuscleGeometry, constants: Mapping[str, float]
-    ) -> ChouHannafordIncompressible:
-        """The model of a muscle in a rig file; it has no constants of its own."""
-        return cls(
-            geometry.thread_length,
-            geometry.turns,
-            geometry.rest_length,
-            geometry.wall_thickness,
-        )
 
     @property
     def length_bounds(self) -> tuple[float, float]:

@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 
 from pam_model.muscles.braid import ThinCylinder, diameter_at_90_degrees, require_length
 from pam_model.muscles.braid_limits import BraidLimits
-from pam_model.muscles.force_model import ModelParameter, MuscleGeometry, register
+from pam_model.muscles.force_model import ModelParameter, register
 
 
 @register(
@@ -54,13 +54,6 @@ class DavisCaldwell(ThinCylinder):
         super().__init__(thread_length, turns)
         diameter = diameter_at_90_degrees(thread_length, turns)
         self.limits = BraidLimits(strand_width, strands, diameter, thread_length)
-
-    @classmethod
-    def from_geometry(
-        cls, geometry: MuscleGeometry, constants: Mapping[str, float]
-    ) -> DavisCaldwell:
-        """The model of a muscle in a rig file, with its strands."""
-        return cls(geometry.thread_length, geometry.turns, **constants)
 
     @property
     def length_bounds(self) -> tuple[float, float]:

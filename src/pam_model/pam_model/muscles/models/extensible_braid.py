@@ -17,7 +17,7 @@ from pam_model.errors import DomainError
 from pam_model.muscles.braid import ThinCylinder, require_length, require_positive
 from pam_model.muscles.elastic_wall import CurvedMuscle
 from pam_model.muscles.elementary import all_true
-from pam_model.muscles.force_model import ModelParameter, MuscleGeometry, register
+from pam_model.muscles.force_model import ModelParameter, register
 
 
 def thread_tension(
@@ -81,13 +81,6 @@ class ExtensibleBraid(CurvedMuscle):
         self._scale = 1.0 / (4.0 * math.pi * turns**2)
         # b = b0/(1 - compliance P L)
         self._compliance = 2.0 * self._scale * thread_length / (threads * thread_stiffness)
-
-    @classmethod
-    def from_geometry(
-        cls, geometry: MuscleGeometry, constants: Mapping[str, float]
-    ) -> ExtensibleBraid:
-        """The model of a muscle in a rig file."""
-        return cls(geometry.thread_length, geometry.turns, **constants)
 
     def stretched_thread(self, pressure: Any, length: Any) -> Any:
         """Thread length b [m] at gauge pressure [Pa] and length [m]."""

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from typing import ClassVar
 
 from pam_model.muscles.braid import ThinCylinder
-from pam_model.muscles.force_model import ModelParameter, MuscleGeometry, register
+from pam_model.muscles.force_model import ModelParameter, register
 
 
 @register(equations="(1)-(2), (4)-(6), (23)", status="derived", summary="ideal cylindrical braid")
@@ -21,8 +21,3 @@ class Gaylord(ThinCylinder):
 
     name: ClassVar[str] = "gaylord"
     parameters: ClassVar[Mapping[str, ModelParameter]] = {}
-
-    @classmethod
-    def from_geometry(cls, geometry: MuscleGeometry, constants: Mapping[str, float]) -> Gaylord:
-        """The model of a muscle in a rig file; it has no constants of its own."""
-        return cls(geometry.thread_length, geometry.turns)

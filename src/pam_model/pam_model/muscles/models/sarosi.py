@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 
 from pam_model.muscles.braid import AffineMuscle, ThinCylinder, require_length, require_positive
 from pam_model.muscles.elementary import exponential
-from pam_model.muscles.force_model import ModelParameter, MuscleGeometry, register
+from pam_model.muscles.force_model import ModelParameter, register
 
 _PASCAL_PER_KILOPASCAL = 1e3
 _PERCENT = 100.0
@@ -71,11 +71,6 @@ class Sarosi(AffineMuscle):
         self._braid = ThinCylinder(thread_length, turns)
         self.rest_length = rest_length
         self._a = (a1, a2, a3, a4, a5, a6)
-
-    @classmethod
-    def from_geometry(cls, geometry: MuscleGeometry, constants: Mapping[str, float]) -> Sarosi:
-        """The model of a muscle in a rig file."""
-        return cls(geometry.thread_length, geometry.turns, geometry.rest_length, **constants)
 
     @property
     def length_bounds(self) -> tuple[float, float]:

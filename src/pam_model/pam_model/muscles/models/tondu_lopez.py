@@ -16,7 +16,7 @@ from typing import Any, ClassVar
 from pam_model.errors import DomainError
 from pam_model.muscles.braid import NEUTRAL_ANGLE, ThinCylinder, braid_diameter, require_length
 from pam_model.muscles.elementary import arc_cosine, is_finite_positive, sine, tangent
-from pam_model.muscles.force_model import ModelParameter, MuscleGeometry, register
+from pam_model.muscles.force_model import ModelParameter, register
 
 
 def contraction_coefficient(area: float, a: float, b: float, contraction: Any) -> Any:
@@ -80,11 +80,6 @@ class TonduLopez(ThinCylinder):
         self._b = 1.0 / sine(angle) ** 2
         self._area = math.pi * self.rest_radius**2
         self._shortest = max(0.0, rest_length * (1.0 - 1.0 / k))
-
-    @classmethod
-    def from_geometry(cls, geometry: MuscleGeometry, constants: Mapping[str, float]) -> TonduLopez:
-        """The model of a muscle in a rig file, with its k."""
-        return cls(geometry.thread_length, geometry.turns, geometry.rest_length, constants["k"])
 
     @property
     def maximum_contraction(self) -> float:

@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from typing import Any, ClassVar
 
 from pam_model.muscles.elementary import direction, exponential, sine, square_root
-from pam_model.muscles.force_model import ModelParameter, MuscleGeometry, register
+from pam_model.muscles.force_model import ModelParameter, register
 from pam_model.muscles.models.tondu_lopez import TonduLopez
 
 
@@ -72,13 +72,6 @@ class TonduLopezFriction(TonduLopez):
         self.kinetic_friction = kinetic_friction
         self.friction_speed = friction_speed
         self._contact = 2.0 * math.pi * self.rest_radius * rest_length * sine(self.rest_angle)
-
-    @classmethod
-    def from_geometry(
-        cls, geometry: MuscleGeometry, constants: Mapping[str, float]
-    ) -> TonduLopezFriction:
-        """The model of a muscle in a rig file."""
-        return cls(geometry.thread_length, geometry.turns, geometry.rest_length, **constants)
 
     def friction_coefficient(self, velocity: Any) -> Any:
         """f_k + (f_s - f_k) exp(-|v|/v_s) [-] at a speed [m/s]."""

@@ -18,7 +18,7 @@ from pam_model.errors import DomainError
 from pam_model.muscles.braid import require_length
 from pam_model.muscles.elastic_wall import CurvedMuscle
 from pam_model.muscles.elementary import all_true, exponential, sine, tangent
-from pam_model.muscles.force_model import ModelParameter, MuscleGeometry, register
+from pam_model.muscles.force_model import ModelParameter, register
 from pam_model.muscles.models.tondu_lopez import TonduLopez
 
 PASCAL_PER_BAR = 1e5
@@ -79,13 +79,6 @@ class TonduLopezPressureFactor(CurvedMuscle):
         self._b = 1.0 / sine(angle) ** 2
         largest = falling_factor + constant_factor
         self._shortest = max(0.0, rest_length * (1.0 - 1.0 / largest))
-
-    @classmethod
-    def from_geometry(
-        cls, geometry: MuscleGeometry, constants: Mapping[str, float]
-    ) -> TonduLopezPressureFactor:
-        """The model of a muscle in a rig file."""
-        return cls(geometry.thread_length, geometry.turns, geometry.rest_length, **constants)
 
     @property
     def length_bounds(self) -> tuple[float, float]:

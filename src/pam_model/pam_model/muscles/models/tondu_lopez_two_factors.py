@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from typing import Any, ClassVar
 
 from pam_model.muscles.elementary import exponential
-from pam_model.muscles.force_model import ModelParameter, MuscleGeometry, register
+from pam_model.muscles.force_model import ModelParameter, register
 from pam_model.muscles.models.tondu_lopez import TonduLopez
 
 DECAY = 40.0
@@ -67,13 +67,6 @@ class TonduLopezTwoFactors(TonduLopez):
         super().__init__(thread_length, turns, rest_length, k)
         self.initial_factor = initial_factor
         self.offset_factor = offset_factor
-
-    @classmethod
-    def from_geometry(
-        cls, geometry: MuscleGeometry, constants: Mapping[str, float]
-    ) -> TonduLopezTwoFactors:
-        """The model of a muscle in a rig file."""
-        return cls(geometry.thread_length, geometry.turns, geometry.rest_length, **constants)
 
     def _dying(self, length: Any) -> Any:
         return self.initial_factor * exponential(-DECAY * (1.0 - length / self.rest_length))

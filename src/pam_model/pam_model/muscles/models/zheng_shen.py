@@ -16,7 +16,7 @@ from typing import Any, ClassVar
 from pam_model.errors import DomainError
 from pam_model.muscles.braid import ThinCylinder, require_length
 from pam_model.muscles.elementary import square_root
-from pam_model.muscles.force_model import ModelParameter, MuscleGeometry, register
+from pam_model.muscles.force_model import ModelParameter, register
 
 
 @register(
@@ -83,11 +83,6 @@ class ZhengShen(ThinCylinder):
         self._longest = square_root(self._square - around * around)
         self._insert = 0.25 * math.pi * insert_diameter**2
         self._chamber = 0.25 * math.pi * chamber_diameter**2
-
-    @classmethod
-    def from_geometry(cls, geometry: MuscleGeometry, constants: Mapping[str, float]) -> ZhengShen:
-        """The model of a muscle in a rig file."""
-        return cls(geometry.thread_length, geometry.turns, **constants)
 
     @property
     def length_bounds(self) -> tuple[float, float]:

@@ -1,13 +1,14 @@
 """The comparison in docs/models.md is what the command writes."""
 
 from pathlib import Path
+from shutil import copytree
 
 import pytest
 
-from pam_model.__main__ import main
-from pam_model.errors import PamError
+from pam_check.__main__ import main
+from pam_check.doc_pages.comparison_tables import rows_of
+from pam_model.__main__ import main as pam_model
 from pam_model.identify.compare import compare
-from pam_model.identify.comparison_page import BEGIN, END, rows_of, write_comparison
 from pam_model.identify.measurements import load_measurements
 
 ROOT = Path(__file__).parents[2]
@@ -19,7 +20,7 @@ QUICK = ("gaylord", "tondu_lopez", "sarosi", "wickramatunge")
 
 def printed() -> list[dict[str, list[str]]]:
     text = PAGE.read_text(encoding="utf-8")
-    section = text[text.index(BEGIN) : text.index(END)]
+    section = text[text.index("comparison: begin") : text.index("comparison: end")]
     tables: list[dict[str, list[str]]] = []
     for line in section.splitlines():
         if line.startswith("| model"):
@@ -49,17 +50,18 @@ def test_figures_of_the_page_are_those_of_the_command(quick: str) -> None:
 def test_page_gets_a_table_for_each_branch(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    page = tmp_path / "page.md"
-    page.write_text(f"before\n{BEGIN}\nold\n{END}\nafter\n", encoding="utf-8")
-    made = compare(load_measurements(DATA), ["gaylord"], fit_geometry=True, residual="length")
-    write_comparison([c.as_dict() for c in made], page)
-    text = page.read_text(encoding="utf-8")
-    assert text.startswith("before\n")
-    assert text.endswith("after\n")
-    assert "old" not in text
-    assert text.count("| `gaylord` | 3 |") == 2
-    page.write_text("no markers\n", encoding="utf-8")
-    with pytest.raises(PamError, match="has no lines"):
-        write_comparison([], page)
-    assert main(["compare", str(DATA), "--models", "gaylord", "--page", str(page)]) == 2
-    assert "has no lines" in capsys.readouterr().err
+    assert pam_model(["compare", str(DATA), "--models", "gaylord", "--json"]) == 0
+    ranking = tmp_path / "ranking.json"
+    ranking.write_text(capsys.readouterr().out, encoding="utf-8")
+    for folder in ("docs", "config"):
+        copytree(ROOT / folder, tmp_path / folder, ignore=lambda _, names: {"gallery", "images"})
+    page = tmp_path / "docs/models.md"
+    assert main(["pages", str(tmp_path), "--comparison", str(ranking)]) == 0
+    made = page.read_text(encoding="utf-8")
+    assert made.count("| `gaylord` | 3 |") == 2
+    assert "`shen_shi` | 7" not in made
+    assert main(["pages", str(tmp_path)]) == 0
+    assert page.read_text(encoding="utf-8") == made, "without a comparison it stays as it is"
+    ranking.write_text("[{}]", encoding="utf-8")
+    assert main(["pages", str(tmp_path), "--comparison", str(ranking)]) == 2
+    assert "ranking.json: not what `pam model compare --json` prints" in capsys.readouterr().err

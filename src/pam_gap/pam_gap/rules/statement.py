@@ -1,8 +1,7 @@
 """What is believed about a rig before its recording is seen; docs/what_we_believe.md is its page.
 
-The statement is generative: rigs could be drawn from it. `pam_check.blind.posterior` turns it into
-probabilities of sets of causes, and into the answer with the least expected cost. It does not
-decide in the product: `pam check decide-again` shows its answers next to those of the rules.
+The statement is generative: rigs could be drawn from it. `pam_gap.inference.posterior` turns it
+into probabilities of sets of causes, and into the answer with the least expected cost.
 """
 
 from __future__ import annotations
@@ -20,6 +19,9 @@ class Statement:
         Probability that a rig which is diagnosed has no cause beyond an ordinary background, one,
         two or three causes of the table, or a cause outside of it. All causes of the table are
         equally probable. Set by hand.
+    hidden : float
+        Share of the causes that change a rig too little to be seen. Every set of causes may have
+        one more of this kind.
     background_spread : float
         Standard deviation of the logarithm of the mean squared error that an ordinary background
         leaves, common to all channels of a rig, about the one that `discrepancy` predicts.
@@ -33,11 +35,17 @@ class Statement:
     number_price : float
         What each free number of a hypothesis takes off its log likelihood. What is correlated over
         the whole recording is fitted a little by every number, on held-out data as well.
-    sharp_law_error, law_error, law_spread : float
-        RMS error of the laws of the causes, as a share of the RMS change that they make: its median
-        for laws with one form only (a delay; `is_sharp` in the file of each effect) and for laws
-        with several forms in the literature (a bladder), and the standard deviation of the
-        logarithm of both.
+    sharp_law_error, law_error : float
+        RMS error of the laws of the causes, as a share of the RMS change that they make: of laws
+        with one form only (a delay; `is_sharp` in the file of each effect), and of laws with
+        several forms in the literature (a bladder).
+    right_law : float
+        Probability that a law with several forms is the true one; it errs as little as a law with
+        one form only then.
+    flexible_price : float
+        What a flexible law of the recorded signals takes off its log likelihood. It has no physics
+        and stands for a cause outside the table that follows a law of its own; its many numbers are
+        priced together, and it is wrong by `law_error` as the laws of the table are.
     least_unknown, largest_unknown : float
         RMS change that a cause outside the table makes of each channel, in multiples of what an
         ordinary background leaves: all sizes between these two are equally probable on a
@@ -48,17 +56,19 @@ class Statement:
     """
 
     nothing: float = 0.25
-    one: float = 0.45
-    two: float = 0.12
-    three: float = 0.03
-    outside: float = 0.15
+    one: float = 0.42
+    two: float = 0.11
+    three: float = 0.02
+    outside: float = 0.2
+    hidden: float = 0.059
     background_spread: float = 1.0
-    channel_freedom: float = 14.0
-    independent_errors: float = 6.6
-    number_price: float = 0.69
-    sharp_law_error: float = 0.2
-    law_error: float = 0.41
-    law_spread: float = 0.24
+    channel_freedom: float = 4.7
+    independent_errors: float = 5.7
+    number_price: float = 0.63
+    sharp_law_error: float = 0.042
+    law_error: float = 0.48
+    right_law: float = 0.019
+    flexible_price: float = 1.4
     least_unknown: float = 0.2
     largest_unknown: float = 300.0
     false_name: float = 1.0
@@ -67,10 +77,15 @@ class Statement:
 
 
 STATEMENT = Statement()
-"""The statement in use; calibrated on 48 rigs of `blind --background --seed 47001` and the first 5
-of `blind --seed 47002`, with the rules of commit 0f9388c0."""
+"""The statement in use; calibrated on 148 rigs: `blind --background --cases 100 --seed 47102`,
+`blind --cases 24 --seed 47104` and `blind --varied --cases 24 --seed 47103`."""
 CALIBRATED = (
     "background_spread", "channel_freedom", "independent_errors", "number_price",
-    "sharp_law_error", "law_error", "law_spread",
+    "sharp_law_error", "law_error", "right_law", "hidden",
+    "flexible_price",
 )  # fmt: skip
 """Numbers that `pam check calibrate-statement` finds from drawn rigs."""
+BY_USER = (
+    "nothing", "one", "two", "three", "outside", "false_name", "silence", "further_name",
+)  # fmt: skip
+"""Probabilities beforehand, of which only the ratios count, and costs: `diagnose --belief`."""
