@@ -17,8 +17,16 @@ from pam_control.control_step import Measurement
 from pam_control.controller import Controller
 from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.feedback.pid import hand_over
+from pam_control.feedback.stuck_integral import begin_sticking, given_back, keep_handed
 from pam_control.loop_guard import GuardAction, LoopGuard
-from pam_control.rows.plan_rows import A_KNOWS, A_WEIGHTS, Y_HANDED
+from pam_control.rows.plan_rows import (
+    A_FRICTION,
+    A_KNOWS,
+    A_WEIGHTS,
+    N_PLAN,
+    Y_GATHERED,
+    Y_HANDED,
+)
 from pam_control.settings import ControlSettings
 from pam_model.plant.compiled import HAVE_NUMBA
 from pam_model.rig import load_rig
@@ -133,3 +141,94 @@ def test_plain_python_keeps_the_limits_of_the_hand_over(shared_designs, designs_
 )
 def test_the_feedforward_takes_over_what_was_learnt_and_no_more(carried, learnt, handed, expected):
     assert hand_over(carried, learnt, handed, 0.6) == pytest.approx(expected)
+
+
+class Lesson:
+    """Learns the torque that a test sets [N m], and that there is much dry friction."""
+
+    def __init__(self, row: Any, estimates: Any) -> None:
+        self._row, self.stiffness = row, estimates.stiffness
+        self.adaptation, self.delay, self.torque = self, 0.0, 0.0
+        self.update()
+
+    def update(self) -> None:
+        self._row[A_WEIGHTS], self._row[A_KNOWS], self._row[A_FRICTION] = self.torque, 1.0, 1.0
+
+    def restart(self) -> None:
+        pass
+
+    def forget(self) -> None:
+        self.torque = 0.0
+        self.update()
+
+    def at_rest(self, position: float, limit: float) -> float:
+        return self.torque
+
+
+class StuckJoint:
+    """A joint that sticks by friction 1 mrad before its target."""
+
+    def __init__(self, designs: KeptDesigns | None) -> None:
+        settings = ControlSettings(stiffness_grid=(14.0,), adaptation_limit=1.0)
+        self.controller = Controller(load_rig(CONFIG / "elbow.yaml"), settings, designs=designs)
+        self.controller.guard = NoGuard(self.controller.robot.joints)
+        (self._channel,) = self.controller.channels
+        rows = self._channel.law_state.rows
+        self._y, self._now, self.position = rows.y[0], 1.0, 0.0
+        self.lesson = rows.estimates[0] = Lesson(rows.a[0], rows.estimates[0])
+        self.run(0.02)
+        self.position = -0.001
+        self.run(1.0)
+
+    def run(self, seconds: float) -> None:
+        for _ in range(round(seconds / PERIOD)):
+            self._now += PERIOD
+            stamp = self._now - 1e-3
+            measured = Measurement([self.position], [2e5, 2e5], stamp, stamp)
+            output = self.controller.step(self._now, measured)
+            assert output.commands is not None, output.reason
+
+    @property
+    def carried(self) -> float:
+        return self._channel.integral - float(self._y[Y_HANDED])
+
+    @property
+    def gathered(self) -> float:
+        return float(self._y[Y_GATHERED])
+
+
+def test_what_was_handed_over_while_a_joint_sticks_is_not_given_back_as_well(shared_designs):
+    joint = StuckJoint(shared_designs)
+    assert joint.gathered == pytest.approx(joint.carried, abs=1e-3)
+    assert joint.carried > 0.2
+    joint.lesson.torque = 0.15
+    joint.run(0.02)
+    assert joint.gathered == pytest.approx(joint.carried, abs=1e-3)
+
+
+@pytest.mark.parametrize("torque", [0.15, -0.15])
+def test_an_integral_that_goes_on_with_other_settings_has_gathered_nothing(shared_designs, torque):
+    """It goes on with the load that had been learnt, which the next motion needs."""
+    joint = StuckJoint(shared_designs)
+    joint.lesson.torque = torque
+    joint.run(0.02)
+    before, carried = joint.gathered, joint.carried
+    joint.controller.change(joint.controller.settings.replace(adaptation=False))
+    joint.run(0.004)
+    assert joint.carried == pytest.approx(carried + torque, abs=0.01)
+    assert joint.gathered == pytest.approx(before, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("handed", "back"), [(0.05, 0.15), (0.2, 0.0), (0.5, 0.0), (-0.3, 0.2), (0.0, 0.2)]
+)
+def test_what_was_gathered_is_the_first_to_be_handed_over(handed, back):
+    state = [0.0] * N_PLAN
+    begin_sticking(state)
+    for cycle in range(101):
+        given_back(state, (0.3, 0.0, 0.0), 0, 0.297, 0.1 + 0.002 * cycle, 0.5)
+    keep_handed(state, handed)
+    moving = [(0.3 + 3e-4 * cycle, 0.15, 0.0) for cycle in range(100)]
+    assert sum(given_back(state, at, 0, 0.297, 0.3, 0.5) for at in moving) == pytest.approx(
+        back, abs=0.01
+    )

@@ -1,6 +1,8 @@
 """Small swings, at rest and in motion, are told with their cause, and nothing else is."""
 
 import math
+import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -20,18 +22,20 @@ PUSHES = np.cumsum(np.random.default_rng(2).uniform(0.3, 2.0, 40))  # s
 
 
 def told(
-    error, seconds=6.0, motion=lambda time: (0.0, 0.0), torque=lambda time, velocity: math.nan
-):
+    error, seconds=6.0, motion=lambda time: (0.0, 0.0), torque=lambda time, velocity: math.nan,
+    step=STEP, noise=1e-4,
+):  # fmt: skip
     """When the watch tells something of an error over time, and what.
 
-    `motion` gives velocity and acceleration of the reference, `torque` what the muscles have beside
-    the model [N m] at a velocity of the joint [rad/s].
+    The encoder has counts of `step` and some noise [rad]. `motion` gives velocity and acceleration
+    of the reference, `torque` what the muscles have beside the model [N m] at a velocity of the
+    joint [rad/s].
     """
     random, watch, reversals = np.random.default_rng(1), SwingWatch(), Reversals()
     target, before = 0.0, 0.0  # rad
     for k in range(round(seconds / PERIOD)):
         time = k * PERIOD
-        seen = STEP * round((error(time) + 1e-4 * random.standard_normal()) / STEP)
+        seen = step * round((error(time) + noise * random.standard_normal()) / step)
         velocity, acceleration = motion(time)
         changes = reversals.update(velocity, acceleration)
         target += velocity * PERIOD
@@ -65,6 +69,44 @@ def test_swings_at_rest_are_told_within_three_seconds_with_period_and_size(hertz
     assert what.frequency == pytest.approx(hertz, rel=0.2)
     assert what.rests
     assert not what.sticks
+
+
+ENCODERS = {  # counts and noise [rad]
+    "4096 counts": (2.0 * math.pi / 4096, 1e-4),
+    "noisy": (1e-5, 4e-4),
+    "4096 counts, noisy": (2.0 * math.pi / 4096, 4e-4),
+    "1024 counts": (2.0 * math.pi / 1024, 1e-4),
+}
+
+
+@pytest.mark.parametrize("hertz", [1.0, 2.0, 5.0])
+@pytest.mark.parametrize("encoder", ENCODERS)
+def test_an_encoder_that_flickers_hides_no_swings(encoder, hertz):
+    """Every flicker was a turning point, so that 50 mrad at 1 Hz were never seen."""
+    step, noise = ENCODERS[encoder]
+    for swing in (15e-3, 50e-3) if step < 5e-3 else (50e-3,):
+        found = told(
+            lambda t, size=0.5 * swing: 0.3 + size * np.sin(2.0 * np.pi * hertz * t),
+            step=step, noise=noise,
+        )  # fmt: skip
+        assert found is not None
+        assert found[0] < 3.0
+        assert found[1].size == pytest.approx(swing, abs=2.0 * step + 6.0 * noise)
+        assert found[1].frequency == pytest.approx(hertz, rel=0.2)
+
+
+@pytest.mark.parametrize("encoder", ENCODERS)
+@pytest.mark.parametrize("moves", [False, True])
+def test_an_encoder_that_flickers_is_no_swing(encoder, moves):
+    step, noise = ENCODERS[encoder]
+    at_rest = 0.5 * step  # between two counts
+    assert (
+        told(
+            lambda t: at_rest + (2e-3 * math.exp(-5.0 * (t % 2.0)) if moves else 0.0),
+            30.0, stroke if moves else lambda _: (0.0, 0.0), step=step, noise=noise,
+        )
+        is None
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize("hertz", [7.0, 9.0, 15.0])
@@ -279,6 +321,30 @@ def test_swings_slower_than_the_loop_come_from_outside_and_leave_the_gains(rig):
     guard = LoopGuard(compose(rig).joints)
     assert swinging(guard, hertz=1.0) == []
     assert "outside torque" in guard.swings
+
+
+def test_another_cause_is_told_after_somebody_has_pushed(rig):
+    """The gains were lowered without a word, since swings had been told before."""
+    guard = LoopGuard(compose(rig).joints)
+    assert swinging(guard, hertz=1.0) == []
+    guard.restart()
+    assert GuardAction.LOWER in [verdict for _, verdict in swinging(guard, hertz=5.0)]
+    first, second = guard.swings.split("; elbow: ")
+    assert "outside torque" in first
+    assert "a delay" in second
+
+
+def test_the_swings_of_every_joint_are_told(rig):
+    joint = compose(rig).joints[0]
+    guard = LoopGuard([joint, replace(joint, name="wrist")])
+    for k in range(4000):
+        time, joints = k * PERIOD, []
+        for begins, hertz in ((0.0, 1.0), (4.0, 0.8)):
+            error = 3e-3 * np.sin(2.0 * np.pi * hertz * time) * (time >= begins)
+            motion = MeasuredMotion(-error, 0.0, time)
+            joints.append(JointTelemetry(JointReference(0.0), motion, error))
+        guard.judge(time, joints, 0.3, Means(True, 2, [14.0, 14.0]))
+    assert re.findall(r"(\w+): the joint swings", guard.swings) == ["elbow", "wrist"]
 
 
 def test_a_joint_that_sticks_in_motion_keeps_its_gains(rig):

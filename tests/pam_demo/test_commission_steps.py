@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 
 from pam_demo.commission.knowledge import Known, as_written, easily_turned, narrowed
 from pam_demo.commission.least_favourable import (
@@ -33,7 +34,8 @@ from pam_gap.calibration.calibration import DETERMINED, KEPT, CalibratedNumber
 from pam_gap.calibration.calibration_rules import CalibrationRules
 from pam_gap.calibration.free_numbers import Said
 from pam_model.rig import Rig, load_rig
-from pam_model.rig.partial import PartialRig
+from pam_model.rig.partial import PartialRig, load_partial_rig
+from pam_model.rig.types import NUMBERS
 from support.commission_ports import EXCHANGES, PERIOD, WiredPort
 
 ROOT = Path(__file__).parents[2]
@@ -158,6 +160,43 @@ def test_intervals_are_those_of_the_file_then_those_of_the_motions(elbow: Rig) -
     assert (after["elbow.inertia"].low, after["elbow.inertia"].high) == (0.039, 0.041)
     assert after["elbow.viscous_friction"] == friction
     assert after["elbow.pulley_radius"].low == after["elbow.pulley_radius"].high == 0.031
+
+
+def test_a_number_that_is_missing_is_not_known(elbow: Rig, tmp_path: Path) -> None:
+    """A missing weight was taken for none, and the motions were planned without it."""
+    tree = elbow.to_parameters()
+    for section, keys in NUMBERS.items():
+        for name, key in keys.items() if section in ("joint", "muscle", "valve") else ():
+            if key.guess is not None:
+                for owner in ("elbow", *elbow.muscle_names):
+                    place = tree[owner].get("valve", {}) if section == "valve" else tree[owner]
+                    place.pop(name, None)
+    path = tmp_path / "rough.yaml"
+    path.write_text(yaml.safe_dump({"/**": {"ros__parameters": tree}}), encoding="utf-8")
+    partial = load_partial_rig(path)
+    known = {one.key: one for one in as_written(partial, SAID, CalibrationRules())}
+    assert partial.missing <= known.keys()
+    assert not {key for key, one in known.items() if not one.low < one.high}
+    assert (known["elbow.gravity_torque"].low, known["elbow.gravity_torque"].high) == (
+        0.0, pytest.approx(0.5 * 31.5, rel=0.05),
+    )  # fmt: skip
+    assert (known["elbow.gravity_angle"].low, known["elbow.gravity_angle"].high) == (-0.5, 0.5)
+
+
+def test_a_joint_of_which_no_weight_is_written_is_planned_with_one(elbow: Rig) -> None:
+    """Its muscles need more pressure then, and its motions may still be of full size."""
+    used = []
+    for missing in (frozenset[str](), frozenset({"elbow.gravity_torque"})):
+        torque = 0.0 if missing else elbow.joints[0].gravity_torque
+        rig = elbow.with_joint(replace(elbow.joints[0], gravity_torque=torque))
+        known = as_written(PartialRig(rig, missing=missing), SAID, CalibrationRules())
+        scale, limits = scale_of(rig, PERIOD), Limits.of(rig)
+        motion = staircase(scale)
+        robots = least_favourable(rig, known, motion, scale, limits)
+        found = permitted(rig, robots, motion, scale, limits)
+        assert found.share == 1.0
+        used.append(found.worst.pressure)
+    assert used[1] > used[0]
 
 
 def test_in_the_design_every_number_is_at_both_ends_equally_often_and_independently(

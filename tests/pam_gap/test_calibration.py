@@ -191,6 +191,33 @@ def test_from_files_to_a_rig_file_that_every_tool_reads(
     assert load_partial_rig(path).missing >= {"elbow.viscous_friction"}
 
 
+def test_what_the_log_does_not_determine_stays_open(
+    rig: Rig, log: Recording, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The middle of a range, and a guess, stood in the file like known numbers."""
+    path, table, out = tmp_path / "rough.yaml", tmp_path / "log.csv", tmp_path / "out"
+    save_rig(rough(rig), path)
+    tree = yaml.safe_load(path.read_text(encoding="utf-8"))
+    parameters = tree["/**"]["ros__parameters"]
+    flexor, extensor = (parameters[name] for name in rig.joints[0].muscles)
+    flexor["valve"]["sonic_conductance"] = {"between": [1e-9, 9e-9]}
+    del extensor["valve"]["sonic_conductance"], flexor["dead_volume"]
+    parameters["elbow"]["inertia"] = {"between": [0.005, 0.5]}
+    path.write_text(yaml.safe_dump(tree), encoding="utf-8")
+    measured = {name: x for name, x in log.values.items() if not name.startswith("valve_")}
+    pd.DataFrame({"time": log.time, **measured}).to_csv(table, index=False)
+    assert main(["calibrate", str(table), "--rig", str(path), "--out", str(out)]) == 0
+    left = load_partial_rig(out / "calibrated.yaml")
+    one, other = (f"{name}.valve.sonic_conductance" for name in rig.joints[0].muscles)
+    assert left.ranges == {one: (1e-9, 9e-9)}
+    assert left.missing >= {other, f"{rig.joints[0].muscles[0]}.dead_volume"}
+    assert left.is_rough
+    told = capsys.readouterr().out
+    assert f"{one}: 1e-09 to 9e-09 m^3/(s Pa), as written; would help: the commands" in told
+    assert f"{other}: missing; would help: the commands of both valves" in told
+    assert "calibrated.yaml is still rough" in told
+
+
 def _flat(rig: Rig) -> dict[str, float]:
     """Every number of a rig file by its dotted key."""
 

@@ -118,6 +118,20 @@ def test_a_table_without_a_time_has_a_rate_and_arrays_have_columns(tmp_path: Pat
         (f"rate: 5\nchannels: {{{FLEXOR}: p1, {COMMAND}: {{held: 1}}}}", "only a length"),
         (f"rate: 5\nchannels: {{{POSITION}: {{held: 0.2}}}}", "no column is mapped"),
         ("rate: 5\nchannels: {pressure.flexor: p1}", "'pressure.flexor': no channel"),
+        (f"rate: 5\nchannels: {{{FLEXOR}: p1, {FLEXOR}: p2}}", f"{FLEXOR} appears twice"),
+        ("rate: 5\nrate: 6\nchannels: {}", "line 2: rate appears twice"),
+        (
+            f"rate: 5\nchannels: {{{FLEXOR}: {{column: p1, absolute: 'false'}}}}",
+            "absolute is 'false'; expected true or false",
+        ),
+        (
+            f"rate: 5\nchannels: {{{FLEXOR}: {{column: p1, ambient: 95000}}}}",
+            "`ambient` needs `absolute: true`",
+        ),
+        (
+            f"rate: 5\nchannels: {{{FLEXOR}: {{column: p1, absolute: true, ambient: 1.013}}}}",
+            "ambient is 1.013; expected 30000 to 130000 Pa absolute; looks like bar",
+        ),
     ],
 )
 def test_mistakes_in_a_map_are_one_line(tmp_path: Path, text: str, told: str) -> None:

@@ -1,6 +1,7 @@
 """A log is understood as laboratories write it, or its strange column is named; never guessed."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -12,7 +13,8 @@ from pam_gap.import_log.import_log import MAP, import_log
 from pam_gap.import_log.propose_map import Proposed, propose
 from pam_gap.recordings.column_map import load_column_map
 from pam_gap.recordings.import_csv import read_columns
-from pam_gap.recordings.recording import RecordingError
+from pam_gap.recordings.recording import RawChannel, RawRecording, RecordingError
+from pam_gap.recordings.resample import resample
 from pam_model.rig import Rig
 
 TIME: Final = np.arange(400) * 0.004
@@ -228,3 +230,174 @@ def test_what_was_left_out_is_said_on_the_terminal(
     out = capsys.readouterr().out
     assert "columns that are not used: 'knee'" in out
     assert "missing: joint_states.elbow.position" in out
+
+
+def test_a_time_in_seconds_and_nanoseconds_is_both(rig: Rig, tmp_path: Path) -> None:
+    """The whole seconds alone were taken for milliseconds, as their steps are too long."""
+    whole = [str(1_700_000_000 + int(5.0 * t)) for t in TIME]
+    rest = [str(round(5.0 * t % 1.0 * 1e9)) for t in TIME]
+    for one, other in (("header.stamp.sec", "header.stamp.nanosec"), ("secs", "nsecs")):
+        names = f"{one};{other};p1 [bar];p2 [bar];phi"
+        path = written(tmp_path / "log.csv", names, whole, rest, 1e-5 * FIRST, 1e-5 * SECOND, ANGLE)
+        found = import_log(path, rig, tmp_path / "out").recording
+        assert found is not None
+        assert found.sample_time == pytest.approx(0.02)
+    found_time = proposed(path, rig)["time"]
+    assert found_time.more == (("nsecs", 1e-9),)
+
+
+@pytest.mark.parametrize(("name", "digits"), [("sec", 0), ("t", 1)])
+def test_a_time_with_few_digits_is_still_in_seconds(name: str, digits: int, rig: Rig) -> None:
+    stamps = np.round(10.0 * TIME, digits)
+    found = propose({name: stamps, "p1": FIRST, "p2": SECOND, "phi": ANGLE}, rig)
+    assert (found[0].channel, found[0].unit) == ("time", "")
+
+
+MULTIPLES: Final = {
+    "time": "t [0.1 ms];p1 [bar];p2 [bar];phi",
+    "joint_states.elbow.position": "t;p1 [bar];p2 [bar];phi [0.01 deg]",
+    PRESSURE: "t;p1 [kPa x10];p2 [bar];phi",
+    "pressure_states.elbow_extensor": "t;p1 [bar];p2_10kpa;phi",
+}
+
+
+@pytest.mark.parametrize("channel", MULTIPLES)
+def test_a_multiple_of_a_unit_is_not_taken_for_the_unit(
+    channel: str, rig: Rig, tmp_path: Path
+) -> None:
+    columns = (TIME, 1e-5 * FIRST, 1e-5 * SECOND, ANGLE)
+    assert channel not in proposed(written(tmp_path / "log.csv", MULTIPLES[channel], *columns), rig)
+
+
+@pytest.mark.parametrize("unit", ["mA", "V", "mV", "Volt"])
+def test_a_raw_signal_is_no_pressure_in_another_unit(unit: str, rig: Rig, tmp_path: Path) -> None:
+    """4 to 20 mA were taken for psi."""
+    names = f"t;P1 {unit};P2_{unit};phi"
+    columns = (TIME, 4.0 + 16e-6 * FIRST, 4.0 + 16e-6 * SECOND, ANGLE)
+    assert PRESSURE not in proposed(written(tmp_path / "log.csv", names, *columns), rig)
+
+
+def test_what_was_computed_of_pressures_is_not_the_pressure_of_a_muscle(rig: Rig) -> None:
+    columns = {"t": TIME, "p_mean": FIRST, "p_diff": SECOND, "angle_error": ANGLE, "angle": ANGLE}
+    assert {one.channel: one.column for one in propose(columns, rig)} == {
+        "time": "t", "joint_states.elbow.position": "angle",
+    }  # fmt: skip
+
+
+def test_a_short_form_of_a_name_is_that_muscle(rig: Rig) -> None:
+    columns = {"t": TIME, "p_ext": SECOND, "p_flex": FIRST, "phi": ANGLE}
+    found = {one.channel: one.column for one in propose(columns, rig)}
+    assert found[PRESSURE] == "p_flex"
+
+
+def test_columns_that_fit_alike_are_named(rig: Rig, tmp_path: Path) -> None:
+    names, columns = "t;p_left;p_right;phi", (TIME, FIRST, SECOND, ANGLE)
+    preview = import_log(written(tmp_path / "log.csv", names, *columns), rig, tmp_path / "out")
+    assert preview.doubts[0] == f"{PRESSURE}: 'p_right' fits as well as 'p_left'"
+    assert "fits as well as" in (tmp_path / "out" / "preview.html").read_text()
+    equal = written(tmp_path / "log.csv", names, TIME, FIRST, FIRST, ANGLE)
+    assert not any("fits" in text for text in import_log(equal, rig, tmp_path / "out").doubts)
+
+
+def test_a_unit_that_only_the_size_says_is_to_be_checked(rig: Rig, tmp_path: Path) -> None:
+    """Set points from 0 to 1 of a regulator looked like MPa."""
+    columns = (1e3 * TIME, 1e-5 * FIRST, 1e-5 * SECOND, np.degrees(ANGLE))
+    path = written(tmp_path / "log.csv", "t;p1;p2;phi", *columns)
+    told = ["'t': taken for ms by the size", "'p1', 'p2': taken for bar by the size",
+            "'phi': taken for deg by the size"]  # fmt: skip
+    assert sorted(import_log(path, rig, tmp_path / "out").doubts) == sorted(told)
+    stated = written(tmp_path / "log.csv", "t_ms;p1_bar;p2_bar;phi_deg", *columns)
+    assert not import_log(stated, rig, tmp_path / "out").doubts
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "reason"),
+    [
+        ("phi [gon]", ANGLE, "has another unit; `scale` and `offset`"),
+        ("phi", [f"{v:.3f} rad" for v in ANGLE], "holds text such as '0.000 rad' in row 1"),
+    ],
+)
+def test_a_column_that_is_left_out_says_why(
+    name: str, values: np.ndarray | list[str], reason: str, rig: Rig, tmp_path: Path
+) -> None:
+    names = f"t;p1;p2;{name}"
+    path = written(tmp_path / "log.csv", names, TIME, FIRST, SECOND, values)
+    (doubt,) = (d for d in import_log(path, rig, tmp_path / "out").doubts if "joint" in d)
+    assert doubt.startswith(f"joint_states.elbow.position: '{name}' looks like it, but {reason}")
+
+
+def test_a_contraction_of_a_muscle_on_a_bench_is_explained(rig: Rig, tmp_path: Path) -> None:
+    bench = replace(rig, joints=(), muscles=rig.muscles[:1])
+    names, contraction = "t;p [bar];contraction [%];load [kg]", 5.0 + 10.0 * ANGLE
+    path = written(tmp_path / "log.csv", names, TIME, 1e-5 * FIRST, contraction, 20.0 + ANGLE)
+    doubts = import_log(path, bench, tmp_path / "out").doubts
+    rest = f"{rig.muscles[0].rest_length:g}"
+    assert [text.split(": ", 1)[1] for text in doubts] == [
+        f"'contraction [%]' looks like a contraction; for a share of the rest length, write "
+        f"`scale: -{rest}, offset: {rest}` (`scale: -0.00{rest[2:]}` for per cent)",
+        "'load [kg]' looks like it, but has another unit; `scale` and `offset` of the map can "
+        "convert it",
+    ]
+
+
+GROUPED: Final = {
+    "English": ("{:,.1f}", "."), "German": ("{:,.1f}", ","), "Swiss": ("{:,.1f}", "'"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("form", GROUPED)
+def test_marks_between_thousands_are_no_decimal_marks(form: str, rig: Rig, tmp_path: Path) -> None:
+    """Only what is below a thousand was read."""
+
+    def cell(value: float) -> str:
+        text = f"{value:,.1f}"
+        if form == "German":
+            return text.translate(str.maketrans(",.", ".,"))
+        return text.replace(",", "'") if form == "Swiss" else text
+
+    one, two = ([cell(v) for v in p - 1.9e5] for p in (FIRST, SECOND))
+    times = [f"{t:.3f}".replace(".", "," if form == "German" else ".") for t in TIME]
+    path = written(tmp_path / "log.csv", "t;p1 [Pa];p2 [Pa]", times, one, two)
+    table = read_columns(path)
+    np.testing.assert_allclose(table.columns["p1 [Pa]"], FIRST - 1.9e5, atol=0.06)
+    assert not table.texts
+
+
+def test_a_time_before_each_channel_is_read_once(tmp_path: Path) -> None:
+    path = written(tmp_path / "log.csv", "Time;p1;Time;p2", TIME, FIRST, TIME, SECOND)
+    assert list(read_columns(path).columns) == ["Time", "p1", "p2"]
+    other = written(tmp_path / "log.csv", "Time;p1;Time;p2", TIME, FIRST, TIME + 1.0, SECOND)
+    with pytest.raises(RecordingError, match="two columns are called 'Time'"):
+        read_columns(other)
+
+
+@pytest.mark.parametrize("mark", [-999.0, 9999.99])
+def test_marks_of_an_error_in_a_row_are_no_pressures(mark: float, rig: Rig, tmp_path: Path) -> None:
+    """One in a thousand samples was not looked at by the check of units."""
+    broken = 1e-5 * FIRST
+    broken[[100, 101, 250, 251]] = mark
+    names = "t;p1 [bar];p2 [bar];phi"
+    path = written(tmp_path / "log.csv", names, TIME, broken, 1e-5 * SECOND, ANGLE)
+    recording = import_log(path, rig, tmp_path / "out").recording
+    assert recording is not None
+    assert np.abs(recording.values[PRESSURE]).max() < 3e5
+    assert any("as where a device writes an error" in text for text in recording.repairs)
+
+
+@pytest.mark.parametrize("values", [np.where(TIME < 0.8, 0.3, 0.1), np.clip(ANGLE, -0.2, 0.2)])
+def test_a_joint_that_stands_and_a_sensor_at_its_end_are_no_errors(values: np.ndarray) -> None:
+    raw = RawRecording(Path("log"), {"joint_states.elbow.position": RawChannel(TIME, values)})
+    assert not resample(raw).repairs
+
+
+@pytest.mark.parametrize(("scale", "shift"), [(1.0, 0.0), (0.5, 0.5), (0.2, 0.3)])
+def test_an_opening_counted_from_the_exhaust_is_refused(
+    scale: float, shift: float, rig: Rig, tmp_path: Path
+) -> None:
+    """A 5/3 valve is shut at half of its signal; the openings were read as they stand."""
+    opening = 0.8 * np.cos(5.0 * TIME)
+    names = "t;p1;p2;phi;u1;u2"
+    commands = (shift + scale * opening, shift - scale * opening)
+    path = written(tmp_path / "log.csv", names, TIME, FIRST, SECOND, ANGLE, *commands)
+    problems = import_log(path, rig, tmp_path / "out").problems
+    assert [("is never below 0, and" in text) for text in problems] == [True] * (shift > 0.0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ import yaml
 
 from pam_model.errors import RigError
 from pam_model.rig import load_rig, save_rig
-from pam_model.rig.partial import STATED, load_partial_rig
+from pam_model.rig.partial import load_partial_rig
 from pam_model.rig.types import NUMBERS
 
 ELBOW = Path(__file__).parents[2] / "config" / "elbow.yaml"
@@ -34,8 +35,35 @@ def _places() -> list[tuple[str, str, bool]]:
         (where[section], name, key.guess is not None)
         for section in where
         for name, key in NUMBERS[section].items()
-        if key.guess is not None or name in STATED.get(section, ())
+        if key.may_be_range
     ]
+
+
+def _fixed() -> list[tuple[str, str]]:
+    """Dotted section and key of numbers that no recording determines."""
+    where = {"": "", "gas": "gas", "joint": "elbow", "muscle": "elbow_flexor"}
+    numbers = [
+        (where[section], name)
+        for section in where
+        for name, key in NUMBERS[section].items()
+        if not key.may_be_range
+    ]
+    return [*numbers, ("elbow.effects.payload", "mass"), ("elbow_flexor.effects.creep", "ratio")]
+
+
+@pytest.mark.parametrize("load", [load_partial_rig, load_rig])
+@pytest.mark.parametrize(("where", "key"), _fixed())
+def test_what_no_recording_determines_is_no_range_and_is_not_to_be_calibrated(
+    tmp_path: Path, load: Callable[[Path], object], where: str, key: str
+) -> None:
+    tree = _tree()
+    branch = tree
+    for step in where.split(".") if where else ():
+        branch = branch.setdefault(step, {})
+    branch[key] = {"between": [0.1, 0.2]}
+    with pytest.raises(RigError, match=f"{where}.{key}: a range".lstrip(".")) as told:
+        load(_write(tree, tmp_path / "rig.yaml"))
+    assert "calibrate" not in str(told.value)
 
 
 def _branch(tree: dict[str, Any], where: str) -> dict[str, Any]:

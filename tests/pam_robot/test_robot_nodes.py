@@ -250,6 +250,28 @@ def test_a_cycle_that_does_not_return_vents_at_once(robot: Robot) -> None:
     assert robot.driver.state is SafetyState.FAULT, "latched"
 
 
+def test_the_end_vents_although_a_cycle_does_not_return(domain: None) -> None:
+    """The main thread no longer watches the cycle then."""
+    robot, stalls, go_on = Robot(), threading.Event(), threading.Event()
+
+    def stall() -> None:
+        stalls.set()
+        assert go_on.wait(PATIENCE)
+
+    try:
+        robot.start()
+        robot.activate()
+        robot.nodes.cycle._work = robot.nodes.cycle._work._replace(control=stall)
+        assert stalls.wait(PATIENCE)
+        began = time.monotonic()
+        assert not robot.nodes.close()
+        assert time.monotonic() - began < 20.0
+        robot.until(lambda: not any(board.active for board in robot.sim.boards.values()))
+    finally:
+        go_on.set()
+        robot.close()
+
+
 def test_observers_hear_the_commands_and_others_who_command_are_a_fault(robot: Robot) -> None:
     """The driver's own subscription is no observer, and does not hear its controller twice."""
     robot.activate()

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from pam_ros.errors import ParameterError
-from pam_ros.parameter_files import refuse_lost_sections, sections_of
+from pam_ros.parameter_files import refuse_doubled_keys, refuse_lost_sections, sections_of
 
 NODE = "/left/pam_controller"
 BODY = "\n  ros__parameters:\n    law: torque\n"
@@ -75,3 +75,27 @@ def test_nested_namespaces_and_files_that_are_none(tmp_path: Path) -> None:
         file.write_text(content)
         assert sections_of(file) == []
     assert sections_of(tmp_path) == []
+
+
+@pytest.mark.parametrize(
+    ("body", "line", "key"),
+    [
+        ("    law: torque\n    law: impedance\n", 4, "law"),
+        ("    elbow:\n      inertia: 0.05\n      inertia: 0.5\n", 5, "elbow.inertia"),
+        ("    elbow: {a: 1}\n    b: 2\n    elbow: {c: 1}\n", 5, "elbow"),
+    ],
+)
+def test_a_parameter_that_a_file_states_twice_is_refused(
+    tmp_path: Path, body: str, line: int, key: str
+) -> None:
+    """Tools refuse such a rig file, and a node ran with the last of both numbers."""
+    file = tmp_path / "my.yaml"
+    file.write_text(f"/**/pam_controller:\n  ros__parameters:\n{body}")
+    with pytest.raises(ParameterError, match=rf"my.yaml, line {line}: '{key}' appears twice"):
+        refuse_doubled_keys(NODE, [file])
+    refuse_doubled_keys("/left/pam_driver", [file])
+
+
+def test_what_stands_in_several_sections_is_stated_once_in_each(tmp_path: Path) -> None:
+    files = written(tmp_path, "/**", "/**/pam_controller")
+    refuse_doubled_keys(NODE, files)

@@ -42,7 +42,9 @@ _PACK: Final[Mapping[str, Callable[[bytes], bytes]]] = {
     ".xz": lambda data: lzma.compress(data, preset=0),
     ".zst": zstd.compress,
 }
-_SEPARATORS: Final = {".csv": ",", ".txt": " ", ".tsv": "\t", ".dat": ";"}
+_SEPARATORS: Final = {
+    ".csv": ",", ".txt": " ", ".tsv": "\t", ".dat": ";", ".lvm": "\t", ".asc": " ",
+}  # fmt: skip
 _START: Final = 1_700_000_000_000_000_000
 
 

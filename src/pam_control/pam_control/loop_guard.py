@@ -82,7 +82,7 @@ class LoopGuard:
     softened, stopped : str
         Why the safe gains are used, and why the controller has stopped; empty if it has not.
     swings : str
-        Which joint has swung since the last vent, and why; empty if none has.
+        Which joints have swung since the last vent, and why, each cause once; empty if none has.
     lowered : int
         How often the gains are to be lowered because of swings.
     """
@@ -97,12 +97,19 @@ class LoopGuard:
         self._gaps: deque[tuple[float, float]] = deque()
         self._tubes = [0 for _ in joints]  # muscles that were found to be behind one, by joint
         self._fading_until = [-math.inf for _ in joints]
-        self.softened = self.stopped = self.swings = ""
+        self.softened = self.stopped = ""
+        self._told: dict[tuple[str, Cause], str] = {}  # swings
         self.lowered, self._first_size = 0, math.inf  # the latter of the first swings, rad
+
+    @property
+    def swings(self) -> str:
+        """See `LoopGuard`."""
+        return "; ".join(self._told.values())
 
     def clear(self) -> None:
         """Forget everything, after someone has vented the driver."""
-        self.softened = self.stopped = self.swings = ""
+        self.softened = self.stopped = ""
+        self._told.clear()
         self.lowered, self._first_size = 0, math.inf
         self._pause_until = self._swings_fade_until = -math.inf
         self._gaps.clear()
@@ -223,9 +230,8 @@ class LoopGuard:
             if verdict is GuardAction.NOTHING:
                 cause = _cause(seen, joint.behind_tube, crossover)
                 told = f"{name}: {_told(seen, cause)}"
-                if cause is Cause.OUTSIDE or (cause in FRICTION and not seen.rests):
-                    self.swings = self.swings or told
-                else:
+                self._told.setdefault((name, cause), told)
+                if cause is not Cause.OUTSIDE and (cause not in FRICTION or seen.rests):
                     verdict = self._answer(told, seen, means)
         if verdict is GuardAction.LOWER:  # the other watches go on
             self._swings_fade_until = time + PAUSE
@@ -237,7 +243,6 @@ class LoopGuard:
         return verdict
 
     def _answer(self, told: str, seen: Swings, means: Means) -> GuardAction:
-        self.swings = self.swings or told
         if self._first_size == math.inf:
             self._first_size = seen.size
         if self.softened:

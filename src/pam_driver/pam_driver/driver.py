@@ -273,7 +273,7 @@ class Driver:
                     return
             self._break_off(self.broken, now)
 
-    def stop_stalled(self, text: str, now: float) -> None:
+    def stop_stalled(self, text: str, now: float) -> bool:
         """Vent at once because the cycle does not return; called from another thread.
 
         Nothing happens while no air may move, or if the cycle has stalled with the driver's lock:
@@ -285,15 +285,21 @@ class Driver:
             Describes it; it becomes the text of the fault `loop_too_slow`.
         now : float
             Monotonic time [s].
+
+        Returns
+        -------
+        bool
+            Whether the lock was free.
         """
         if not self._lock.acquire(timeout=_BRIEFLY):
-            return
+            return False
         try:
             output = OUTPUTS[self.state]
             if self.state in COMMANDABLE or output.enable or output.lower:
                 self._break_off(Condition("loop_too_slow", "", text), now)
         finally:
             self._lock.release()
+        return True
 
     def _break_off(self, broken: Condition, now: float) -> None:
         """Vent at once, without any judgement."""

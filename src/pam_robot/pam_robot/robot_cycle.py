@@ -188,19 +188,17 @@ class RobotCycle:
             self._parts[part] = step
 
     def leave(self, part: str, timeout: float) -> None:
-        """Run a part no more.
+        """Run a part no more, from the next cycle on.
 
         Raises
         ------
         TimeoutError
             If the cycle in progress does not end in time [s].
         """
+        self._parts.pop(part, None)
         if not self._turn.acquire(timeout=timeout):
             raise TimeoutError(f"the cycle of the robot did not end within {timeout:g} s")
-        try:
-            self._parts.pop(part, None)
-        finally:
-            self._turn.release()
+        self._turn.release()
 
     def control(self, snapshot: Snapshot) -> None:
         """Called in the driver's part, between measuring and sending."""
@@ -216,7 +214,7 @@ class RobotCycle:
             self._work.control()
         except Exception:
             self._broken = True  # a controller that has failed is not asked again
-            self._parts.pop(CONTROLLER)
+            self._parts.pop(CONTROLLER, None)
             raise
 
     def _step(self, now: float) -> None:

@@ -6,6 +6,7 @@ topics and diagnostics. See docs/one_process.md.
 
 from __future__ import annotations
 
+import contextlib
 import gc
 import logging
 import sys
@@ -29,13 +30,15 @@ from pam_ros.node_end import end_node
 from pam_ros.node_help import MISTAKE, tell_mistake
 from pam_ros.start import start_ros
 from pam_ros.steady_timers import SteadyTimers, turns
-from pam_ros.unforeseen import BROKEN
+from pam_ros.unforeseen import BROKEN, described
 
 NODES: Final = ("pam_driver", "pam_controller", "pam_model")
 SWITCH_INTERVAL: Final = 5e-5
 """After which another thread lets the cycle run [s]. The cycle gives the interpreter away at each
 call of the system, some ten times, and waits so long for it while a trajectory is planned: with
 0.5 ms, plans of 50,000 points made it skip three times as many cycles."""
+
+BRIEFLY: Final = 0.15  # s, in which the controller's part of a cycle ends
 
 
 class RobotNodes:
@@ -156,18 +159,31 @@ class RobotNodes:
         """All three."""
         return list(self._made)
 
-    def close(self) -> None:
-        """Lower the joints and vent, without the controller; then end the cycle."""
-        self.controller.loop.stop()
-        self.driver.close()
-        self.cycle.loop.stop()
+    def close(self) -> bool:
+        """Lower the joints and vent, without the controller; then end the cycle.
 
-    def end(self, executor: Any = None) -> None:
-        """End the executor and the nodes."""
+        Returns whether all of it went well: nothing on the way must keep the valves open.
+        """
+        # a cycle that does not return is the driver's business, which vents at once then
+        with contextlib.suppress(TimeoutError):
+            self.controller.loop.stop(timeout=BRIEFLY)
+        self.driver.close()
+        return self._attempt("the cycle", self.cycle.loop.stop)
+
+    def end(self, executor: Any = None) -> bool:
+        """End the executor and the nodes; returns whether all of it went well."""
         if executor is not None:  # before the nodes: its threads may call what is gone
             executor.shutdown()
-        for node in self._made:
-            end_node(node)
+        ended = [self._attempt("the end", partial(end_node, node)) for node in self._made]
+        return all(ended)  # not before each of them had its turn
+
+    def _attempt(self, what: str, act: Callable[[], object]) -> bool:
+        try:
+            act()
+        except Exception as error:
+            self.driver.get_logger().error(f"{what}: {described(error)}")
+            return False
+        return True
 
 
 def names_of(rig: Any) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -232,8 +248,7 @@ def main(
             code = BROKEN
             robot.driver.fail(error)
         finally:
-            if robot is not None:
-                robot.close()
-                robot.end(executor)
+            if robot is not None and not all([robot.close(), robot.end(executor)]):
+                code = BROKEN
             rclpy.try_shutdown()
     return code

@@ -11,7 +11,7 @@ from __future__ import annotations
 import difflib
 import re
 import sys
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -37,6 +37,7 @@ class FileSection:
     file: Path  # the file
     line: int  # where its name stands, counted from 1
     name: str  # the name of the node as written, with namespaces, such as "/**/pam_controller"
+    doubled: tuple[tuple[int, str], ...] = ()  # keys that appear twice in it, with their lines
 
     @property
     def parts(self) -> list[str]:
@@ -85,12 +86,50 @@ def _found(file: Path, tree: Any, before: str, depth: int) -> list[FileSection]:
         if not isinstance(key, yaml.ScalarNode) or not isinstance(below, yaml.MappingNode):
             continue
         name = f"{before}/{key.value.strip('/')}" if before else key.value
-        names = [each.value for each, _ in below.value if isinstance(each, yaml.ScalarNode)]
-        if "ros__parameters" in names:
-            sections.append(FileSection(file, key.start_mark.line + 1, name))
+        within = [v for k, v in below.value if getattr(k, "value", "") == "ros__parameters"]
+        if within:
+            doubled = tuple(each for tree in within for each in _doubled(tree, "", 0))
+            sections.append(FileSection(file, key.start_mark.line + 1, name, doubled))
         else:
             sections += _found(file, below, name, depth + 1)
     return sections
+
+
+def _doubled(tree: Any, before: str, depth: int) -> Iterator[tuple[int, str]]:
+    """Keys that appear twice in one mapping, each with its line."""
+    if not isinstance(tree, yaml.MappingNode) or depth > _DEEPEST:
+        return
+    seen = set()
+    for key, below in tree.value:
+        name = f"{before}{getattr(key, 'value', '')}"
+        if name in seen:
+            yield key.start_mark.line + 1, name
+        seen.add(name)
+        yield from _doubled(below, f"{name}.", depth + 1)
+
+
+def refuse_doubled_keys(node: str, files: Collection[Path]) -> None:
+    """Refuse a parameter that a file states twice, of which ROS takes the last one.
+
+    Parameters
+    ----------
+    node : str
+        Full name of the node, with its namespace.
+    files : collection of Path
+        Parameter files of the process.
+
+    Raises
+    ------
+    ParameterError
+        For a key that appears twice in a section that ROS applies to the node.
+    """
+    for file in files:
+        for section in sections_of(file):
+            for line, name in section.doubled if section.fits(node) else ():
+                raise ParameterError(
+                    f"{file}, line {line}: {shown(name)} appears twice; ROS would take the last "
+                    "one silently"
+                )
 
 
 def refuse_lost_sections(node: str, usual_name: str, files: Collection[Path]) -> list[str]:

@@ -22,7 +22,7 @@ from rclpy.parameter import Parameter as RosParameter
 
 from pam_ros.errors import ParameterError
 from pam_ros.foreign_text import shown
-from pam_ros.parameter_files import given_files, refuse_lost_sections
+from pam_ros.parameter_files import given_files, refuse_doubled_keys, refuse_lost_sections
 from pam_ros.parameter_row import Parameter, Value
 
 OnChange = Callable[[Mapping[str, Value]], str | None]
@@ -133,6 +133,7 @@ class NodeParameters[Described]:
         keeps_real_time: bool = False,
     ) -> None:
         full_name = node.get_fully_qualified_name()
+        refuse_doubled_keys(full_name, given_files())
         for warning in refuse_lost_sections(full_name, usual_name, given_files()):
             node.get_logger().warning(warning)
         self._node = node

@@ -7,7 +7,9 @@ has gathered comes on top and throws the joint past its reference.
 
 Therefore what was gathered in this way is given back while the reference leaves its place, over a
 travel in which friction changes its side. It is at most the known friction: a load that was put on
-meanwhile stays with the integral. A joint that moves while its reference rests does not stick.
+meanwhile stays with the integral. A joint that moves while its reference rests does not stick. What
+the feedforward has learnt meanwhile, and has taken over from the integral, is not given back: the
+joint would lack it. Nor is a change of the integral that comes from other settings.
 
 Source: B. Armstrong-Helouvry, P. Dupont and C. Canudas de Wit, "A survey of models, analysis tools
 and compensation methods for the control of machines with friction", Automatica 30 (1994)
@@ -19,6 +21,7 @@ from __future__ import annotations
 import math
 from typing import Any, Final
 
+from pam_control.limited import limited
 from pam_control.rows.plan_rows import Y_GATHERED, Y_PLACE, Y_STUCK_INTEGRAL, Y_TARGET
 
 STICKS: Final = 1.5e-3  # rad, in which the position of a joint that sticks stays
@@ -29,6 +32,17 @@ def begin_sticking(y: Any) -> None:
     """Nothing was gathered."""
     y[Y_GATHERED] = 0.0
     y[Y_PLACE] = y[Y_TARGET] = y[Y_STUCK_INTEGRAL] = math.nan
+
+
+def keep_handed(y: Any, handed: float) -> None:
+    """A feedforward has taken this torque [N m] over: first of all what was gathered."""
+    gathered = y[Y_GATHERED]
+    y[Y_GATHERED] = gathered - limited(handed, min(gathered, 0.0), max(gathered, 0.0))
+
+
+def go_on_sticking(y: Any) -> None:
+    """The integral was set to go on with other settings, which gathers nothing."""
+    y[Y_STUCK_INTEGRAL] = math.nan
 
 
 def given_back(

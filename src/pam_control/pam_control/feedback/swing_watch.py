@@ -10,6 +10,10 @@ In motion a reference causes errors, too: with friction they swing twice or thre
 change of the direction of its acceleration. So swings count while no reference changes that, begins
 or ends.
 
+The noise of a sensor, or an encoder that flickers between two counts, turns the error back all the
+time. It bends the error from one sample to the next as no joint can, so a turning point has to
+stand out from what bends were seen lately.
+
 At rest, a joint that sticks stands for a large part of the time and jumps in the rest. One that a
 delay or a tube keeps swinging moves like a sine about its reference, whose speed is below a fifth
 of the largest one in 13 % of the time.
@@ -49,7 +53,9 @@ import numpy.typing as npt
 SWINGS: Final = 4  # this many equal ones in a row are an oscillation
 CYCLE: Final = 2  # swings, which tell the cause where another watch has seen an oscillation
 LEAST: Final = 3e-3  # rad, from one turning point to the next; smaller ones are harmless
-TURN: Final = 1e-3  # rad back from the farthest place make a turning point
+TURN: Final = 1e-3  # rad back from the farthest place make a turning point, at least
+ABOVE_NOISE: Final = 1.2  # of the largest bend of the error lately, which a sensor alone makes
+LATELY: Final = 1.0  # s
 SHORTEST, LONGEST = 0.025, 1.7  # s, duration of a swing: 20 to 0.3 Hz
 FADING: Final = 0.7  # the last swing below this share of the first one: the motion fades
 UNEVEN: Final = 1.6  # ratio of durations above which two swings are not of one oscillation
@@ -115,6 +121,8 @@ class SwingWatch:
         self._direction = 0.0
         self._farthest = self._last = math.nan  # errors: present extreme, and last turning point
         self._reached = self._turned = 0.0  # when they were reached
+        self._time = self._before = self._change = math.nan  # of the last sample
+        self._bend = 0.0  # largest second difference of the error lately, rad
         self._changes, self._rests = 0, True
         self._swings: deque[Swing] = deque(maxlen=SWINGS)
         self._places: deque[tuple[float, float, float]] = deque()
@@ -158,18 +166,19 @@ class SwingWatch:
             self._places.popleft()
         self._changes += changes
         self._rests = self._rests and rests
+        turn = self._turning(time, error)
         if math.isnan(self._farthest):
             self._farthest, self._reached = error, time
         ahead = error - self._farthest
         if self._direction == 0.0:
-            if abs(ahead) > TURN:
+            if abs(ahead) > turn:
                 self._direction = math.copysign(1.0, ahead)
                 self._last, self._turned = self._farthest, self._reached
                 self._farthest, self._reached = error, time
             return None
         if ahead * self._direction > 0.0:
             self._farthest, self._reached = error, time
-        if ahead * self._direction >= -TURN:
+        if ahead * self._direction >= -turn:
             return None
         size, duration = abs(self._farthest - self._last), self._reached - self._turned
         self._swings.append(Swing(size, duration, self._changes, self._rests))
@@ -178,6 +187,17 @@ class SwingWatch:
         self._farthest, self._reached = error, time
         self._changes, self._rests = 0, rests
         return self._seen()
+
+    def _turning(self, time: float, error: float) -> float:
+        """How far back from the farthest place is a turning point now [rad]."""
+        change, step = error - self._before, time - self._time
+        bend = abs(change - self._change)
+        if bend >= self._bend:
+            self._bend = bend
+        elif step > 0.0:
+            self._bend *= max(1.0 - step / LATELY, 0.0)
+        self._time, self._before, self._change = time, error, change
+        return max(TURN, ABOVE_NOISE * self._bend)
 
     def last_cycle(self) -> Swings | None:
         """The last cycle if it was one of an oscillation, which may grow."""

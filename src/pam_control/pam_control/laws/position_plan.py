@@ -16,7 +16,7 @@ from pam_control.compensation.dry_friction import friction_change
 from pam_control.compensation.history_torque import history_torque
 from pam_control.feedback.disturbance_observer import observed_loss
 from pam_control.feedback.pid import hand_over
-from pam_control.feedback.stuck_integral import given_back
+from pam_control.feedback.stuck_integral import given_back, keep_handed
 from pam_control.limited import limited
 from pam_control.plan_memory import (
     measure,
@@ -280,7 +280,9 @@ def aim_ahead(c: Any, s: Any, w: Any, x: Any, y: Any, a: Any) -> None:
             # integral itself would come later than that of what was learnt, and be a push
             then, most = w[last_to_act(w)], s[S_ADAPTATION_LIMIT]
             acts = learnt_torque(y, a, then, W_ACTS, most) - x[X_BASE] if x[X_IS_DUE] > 0.0 else 0.0
-            y[Y_HANDED] = hand_over(integral - y[Y_HANDED], acts, y[Y_HANDED], most)
+            before = y[Y_HANDED]
+            y[Y_HANDED] = hand_over(integral - before, acts, before, most)
+            keep_handed(y, y[Y_HANDED] - before)
         if a[A_KNOWS] > 0.0:  # so that a payload stays visible
             disturbance = (0.0 if math.isnan(disturbance) else disturbance) - x[X_BASE]
     friction = a[A_FRICTION] + dry_friction(c, 0.0)

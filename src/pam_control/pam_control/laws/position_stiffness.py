@@ -24,6 +24,7 @@ from pam_control.feedback.disturbance_observer import begin_observer
 from pam_control.feedback.linear_joint import LoopStructure
 from pam_control.feedback.margins import LoopCase
 from pam_control.feedback.operating_points import operating_grid
+from pam_control.feedback.stuck_integral import go_on_sticking
 from pam_control.joint_models import JointModels
 from pam_control.laws.law import Law, Start
 from pam_control.laws.position_plan import last_to_act
@@ -180,6 +181,7 @@ class PositionStiffness(Law[PositionStiffnessState]):
             position = start.reference.position
             lost = float(state.y[Y_LOST]) if start.gains.observer > 0.0 else 0.0
         state.y[Y_HANDED] = 0.0
+        go_on_sticking(state.y)
         torque = models.model.torque(start.pressures, models.inside(position))
         plans.clear(place)
         return torque - planned - lost, state

@@ -15,6 +15,7 @@ from typing import Final
 
 from pam_demo.commission.robot_port import JointReading, RobotPort
 from pam_model.rig.partial import PartialRig
+from pam_model.rig.rewiring import crossed_hoses, turned_encoder
 
 
 class Mend(Enum):
@@ -85,13 +86,9 @@ def why_not(partial: PartialRig, mend: Mend) -> str:
     first, second = (partial.rig.muscle(name) for name in joint.muscles)
     lower, upper = joint.position_limits
     if mend is Mend.HOSES and first.max_pressure != second.max_pressure:
-        change = f"exchange board, channel, pressure_sensor and valve of {first.name} and "
-        change += second.name
+        change = crossed_hoses(partial.rig, joint)
     elif mend is Mend.ENCODER and lower != -upper:
-        other = rewired(partial, mend).rig.to_parameters()[joint.name]
-        keys = ("muscles", "position_limits", "gravity_angle")
-        texts = [f"{key}: {other[key]}".replace("'", "") for key in keys]
-        change = f"write {', '.join(texts)} for {joint.name}"
+        change = turned_encoder(partial.rig, joint)
     else:
         return ""
     return (
@@ -114,12 +111,7 @@ def rewired(partial: PartialRig, mend: Mend) -> PartialRig:
     first, second = (rig.muscle(name) for name in joint.muscles)
     if mend is Mend.HOSES:
         for one, other in _both(first, second):
-            rig = rig.with_muscle(
-                replace(
-                    one, valve=other.valve, board=other.board, channel=other.channel,
-                    pressure_sensor=other.pressure_sensor,
-                )
-            )  # fmt: skip
+            rig = rig.with_muscle(one.with_valve_of(other))
         places = {f"{a.name}.valve.": f"{b.name}.valve." for a, b in _both(first, second)}
         ranges = {_moved(key, places): ends for key, ends in partial.ranges.items()}
         missing = frozenset(_moved(key, places) for key in partial.missing)

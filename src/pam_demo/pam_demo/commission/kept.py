@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from pam_demo.commission.exchange import Mend
 from pam_model.reading import reading
 
 STATE, RECORDINGS = "state.json", "recordings"
@@ -49,8 +50,8 @@ class Kept:
             with reading(path, "the state of a commissioning"):
                 state = json.loads(path.read_text(encoding="utf-8"))
                 if state["task"] == self._digest:
-                    self.checked = bool(state["checked"])
-                    self.exchanged = str(state.get("exchanged", ""))
+                    self.checked = state["checked"] is True
+                    self.exchanged = state.get("exchanged", "") and Mend(state["exchanged"]).value
                     self.seconds = float(state["seconds"])
                     self._names = [str(name) for name in state["recordings"]]
 
@@ -85,7 +86,8 @@ class Kept:
             return None
         path = self._path(name)
         with reading(path, "a recording of this commissioning"):
-            return pd.read_csv(path)
+            table = pd.read_csv(path)
+            return table.astype(dict.fromkeys(("time", *table.columns), float))
 
     def add(self, name: str, table: pd.DataFrame) -> None:
         """Keep a complete recording."""

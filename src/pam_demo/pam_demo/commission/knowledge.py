@@ -23,6 +23,11 @@ from pam_model.rig.partial import PartialRig
 
 UNKNOWN: Final = 4.0
 """A missing number is within this factor of the guess that its muscles' torque gives."""
+HEAVIEST: Final = 0.5
+"""A missing gravity torque is at most this share of the torque of the agonist at its highest
+pressure, because the muscles have to move the joint as well [-]."""
+HANGS_WITHIN: Final = 0.5
+"""Without a gravity angle, the joint hangs in this share of its range, about the middle [-]."""
 UNIFORM: Final = math.sqrt(3.0)
 """Half width of a uniform distribution over its standard deviation."""
 
@@ -52,10 +57,13 @@ def as_written(partial: PartialRig, said: Said, rules: CalibrationRules) -> tupl
     rules : CalibrationRules
         How far an angle may be off.
     """
+    weight = _weight(partial.rig)
     known = []
     for one in _numbers(partial, said, rules):
         value = one.free.centre
-        if one.written is None and not one.free.prior > 0.0:
+        if one.written is None and one.name in weight:
+            low, high = weight[one.name]
+        elif one.written is None and not one.free.prior > 0.0:
             low, high = value / UNKNOWN, value * UNKNOWN
         elif one.key in partial.ranges:
             low, high = partial.ranges[one.key]
@@ -67,6 +75,18 @@ def as_written(partial: PartialRig, said: Said, rules: CalibrationRules) -> tupl
         low, high = sorted((low, high))
         known.append(Known(one.name, one.key, value, low, high, one.stage == STATICS))
     return tuple(known)
+
+
+def _weight(rig: Rig) -> dict[str, tuple[float, float]]:
+    """What is known of the weight of a joint of which nothing is written: it hangs at first."""
+    joint, (lower, upper) = rig.joints[0], rig.joints[0].position_limits
+    highest = rig.muscle(joint.agonist).max_pressure
+    torque = float(JointStatics.from_rig(rig).torque((highest, 0.0), 0.0))
+    middle, half = 0.5 * (lower + upper), 0.5 * HANGS_WITHIN * (upper - lower)
+    return {
+        "joint.gravity_torque": (0.0, HEAVIEST * max(torque, 0.0)),
+        "joint.gravity_angle": (middle - half, middle + half),
+    }
 
 
 def _numbers(partial: PartialRig, said: Said, rules: CalibrationRules) -> list[FreeRigNumber]:

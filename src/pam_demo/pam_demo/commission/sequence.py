@@ -161,12 +161,14 @@ class Commissioning:
         EndedError
             If something is at the wrong place, or the check is not allowed.
         """
-        if self.kept.exchanged:
+        # what the rig file describes otherwise may have been put right at the robot since
+        again = bool(self.kept.exchanged)
+        if again:
             self._rewire(Mend(self.kept.exchanged))
         while True:
             rig = reaching_limits(self.partial.rig, as_written(self.partial, self.said, FULL))
             known = as_written(replace(self.partial, rig=rig), self.said, FULL)
-            if self.kept.checked:
+            if self.kept.checked and not again:
                 self.tell("start-up check: passed before")
                 return rig, known
             first, second = rig.joints[0].muscles
@@ -189,6 +191,11 @@ class Commissioning:
 
     def _mended(self, reason: str, first: Finding) -> None:
         """Put right what the start-up check has found, as a person says; or end."""
+        if first.turns_wrong and self.kept.exchanged:
+            reason += (
+                f" This commissioning goes on with what was found before: {self.result.exchanged} "
+                "If it was put right at the robot since, begin again with another folder (--out)."
+            )
         self.tell(reason)
         by_rig_file = BY_RIG_FILE if first.turns_wrong and not self.kept.exchanged else ()
         for mend in (*by_rig_file, Mend.AT_ROBOT):

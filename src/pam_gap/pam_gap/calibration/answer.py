@@ -12,6 +12,7 @@ from pam_gap.calibration.calibration import (
     DETERMINED,
     KEPT,
     NARROWED,
+    NO_COMMANDS,
     RELATIVE,
     CalibratedNumber,
     Calibration,
@@ -47,6 +48,8 @@ STATUS = {
 
 def what_would_help(number: CalibratedNumber) -> str:
     """The motion or measurement that would determine a number."""
+    if number.stage == NO_COMMANDS:
+        return "the commands of both valves (valve_commands.<muscle>)"
     return MORE.get(number.key.rpartition(".")[2], "")
 
 
@@ -57,7 +60,9 @@ def interval_words(low: float, high: float) -> str:
 
 
 def written_value(number: CalibratedNumber) -> str:
-    """The number as the rig file has it."""
+    """The number as the rig file has it: a range, a value, or that it is missing."""
+    if number.stated is not None:
+        return interval_words(*number.stated)
     return "missing" if number.written is None else plain(number.written, 4)
 
 
@@ -67,20 +72,28 @@ def status_words(number: CalibratedNumber) -> str:
     return STATUS[number.status] + more
 
 
-def comment_of(number: CalibratedNumber) -> str:
-    """The comment behind a number in the calibrated rig file."""
+def comment_of(number: CalibratedNumber, *, is_range: bool = False) -> str:
+    """The comment behind a number in a rig file, where `is_range` says that it is still one."""
     if number.status == KEPT:
-        return f"as written; this log does not determine it ({what_would_help(number)})"
-    was = "it was missing" if number.written is None else f"was {plain(number.written, 4)}"
+        was = "as written"
+        if number.stated is not None and not is_range:
+            was = f"the middle of {written_value(number)}"
+        elif number.written is None:
+            was = "a guess, because it was missing"
+        return f"{was}; this log does not determine it ({what_would_help(number)})"
+    was = "it was missing" if number.written is None else f"was {written_value(number)}"
     text = f"90 %: {interval_words(number.low, number.high)}, by the stage {number.stage}; {was}"
     if number.relative is not None:
         text += f"; if the torque per pressure is right: {interval_words(*number.relative)}"
     return text
 
 
-def comments(calibration: Calibration) -> dict[str, str]:
-    """The comments behind all numbers of a joint, by key."""
-    return {one.key: comment_of(one) for one in calibration.numbers}
+def comments(calibration: Calibration, *, are_ranges: bool = False) -> dict[str, str]:
+    """The comments behind all numbers of a joint, by key.
+
+    `are_ranges` says that a range that was not narrowed is still one.
+    """
+    return {one.key: comment_of(one, is_range=are_ranges) for one in calibration.numbers}
 
 
 def sentence(calibration: Calibration) -> str:
@@ -107,7 +120,11 @@ def table_lines(calibration: Calibration) -> list[str]:
     for one in calibration.numbers:
         value = f"{plain(one.value, 4)} {one.unit}".removesuffix(" -")
         if one.status == KEPT:
-            lines.append(f"  {one.key}: {value}, as written; would help: {what_would_help(one)}")
+            was = (
+                "missing" if one.written is None else f"{written_value(one)} {one.unit}, as written"
+            )
+            was = was.replace(" -,", ",")
+            lines.append(f"  {one.key}: {was}; would help: {what_would_help(one)}")
         else:
             lines.append(f"  {one.key}: {value} ({comment_of(one)})")
     return lines

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from pam_gap.answer.improved_rig import with_number
-from pam_gap.calibration.calibration import KEPT, Calibration, conclusion, misfit
+from pam_gap.calibration.calibration import KEPT, Calibration, conclusion, misfit, not_sought
 from pam_gap.calibration.calibration_rules import DEFAULT, CalibrationRules
 from pam_gap.calibration.free_numbers import (
     GAS,
@@ -127,7 +127,10 @@ def calibrate_bench_muscle(
         vector, result.stage_errors[stage.name] = fit_stage(problem, stage, numbers, vector, rules)
     progress("all numbers together", 0.5)
     joint = fit_together(problem, numbers, vector, rules)
-    result.numbers, result.posterior = conclusion(rig, rig.joints[0].name, numbers, joint, rules)
+    found, result.posterior = conclusion(rig, rig.joints[0].name, numbers, joint, rules)
+    others = not_sought(invented, rig.joints[0], found, problem.base.values)
+    own = (f"{muscle}.", "supply_pressure")
+    result.numbers = (*found, *(one for one in others if one.key.startswith(own)))
     result.small = result.posterior.small
     result.problem, result.before = problem, problem.base.values
     result.refused = misfit(problem, joint.fitted, rules)

@@ -26,7 +26,7 @@ from pam_gap.recordings.parts import part_of
 from pam_gap.recordings.recording import TURNED_OVER, Recording, RecordingError
 from pam_model.command_line import Arguments, Outcome, progress
 from pam_model.rig import Rig, save_rig
-from pam_model.rig.partial import load_partial_rig
+from pam_model.rig.partial import PartialRig, load_partial_rig
 from pam_ros.program_name import PROGRAM
 
 CALIBRATED_RIG = "calibrated.yaml"
@@ -131,12 +131,27 @@ def calibrate_files(
         write_page(one, words, folder / "calibration.html")
         if one.rig is not None:
             rig = _merged(rig, one.rig, name)
-            notes |= comments(one)
+            notes |= comments(one, are_ranges=True)
         found.append(one)
     if notes and not any(one.refused for one in found):
         made = f"Calibrated by {PROGRAM} gap calibrate. A comment says what is known of a number."
-        save_rig(_as_known(rig, found), Path(out) / CALIBRATED_RIG, (made,), notes)
+        save_rig(
+            _as_known(rig, found), Path(out) / CALIBRATED_RIG, (made,), notes,
+            left_open(partial, found),
+        )  # fmt: skip
     return found
+
+
+def left_open(
+    partial: PartialRig, found: Sequence[Calibration]
+) -> dict[str, tuple[float, float] | None]:
+    """The numbers that stay a range, or stay missing (None), because nothing was found of them.
+
+    Else the rig file would have guesses in it that nobody has stated.
+    """
+    known = {one.key for each in found for one in each.numbers if one.status != KEPT}
+    written = dict.fromkeys(partial.missing) | dict(partial.ranges)
+    return {key: ends for key, ends in written.items() if key not in known}
 
 
 def _merged(rig: Rig, calibrated: Rig, name: str) -> Rig:
@@ -193,6 +208,9 @@ def run(given: Arguments) -> Outcome:
         for line in table_lines(one):
             print(line)
     print(f"written: {given.out}")
+    path = Path(given.out) / CALIBRATED_RIG
+    if path.is_file() and load_partial_rig(path).is_rough:
+        print(f"{CALIBRATED_RIG} is still rough: state what is open in it, or give more logs")
     return Outcome(
         {"out": given.out, "joints": [to_json(one) for one in found]},
         [f"{one.joint}: {text}" for one in found for text in one.refused],

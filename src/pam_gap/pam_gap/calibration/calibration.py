@@ -15,7 +15,7 @@ import numpy as np
 from pam_gap.answer.improved_rig import with_number
 from pam_gap.calibration.calibration_rules import DEFAULT as DEFAULT_RULES
 from pam_gap.calibration.calibration_rules import CalibrationRules
-from pam_gap.calibration.free_numbers import FreeRigNumber, Said
+from pam_gap.calibration.free_numbers import GAS, FreeRigNumber, Said, key_in_file, names_of
 from pam_gap.calibration.intervals import knowledge
 from pam_gap.calibration.posterior import Posterior
 from pam_gap.calibration.scale_of_forces import grows, scale_weights
@@ -39,9 +39,12 @@ from pam_gap.prediction.problem import PredictionProblem, PredictionSettings
 from pam_gap.prediction.wrong_wiring import CABLES, wrong_wiring
 from pam_gap.recordings.recording import Recording
 from pam_gap.search.candidate_search import Progress, silent
-from pam_model.rig import Rig
+from pam_model.plant.parameters import INDEX, UNITS, bounds_of
+from pam_model.rig import Joint, Rig
 from pam_model.rig.partial import PartialRig
 
+NO_COMMANDS = f"{GAS}, which needs the commands"
+"""The stage of numbers that were not sought, because the log has no commands."""
 DETERMINED, RELATIVE, NARROWED, KEPT = "determined", "relative", "narrowed", "kept"
 
 
@@ -64,6 +67,7 @@ class CalibratedNumber:
     status: str
     # 90 % interval if the torque per pressure is right; None for numbers that do not grow with it
     relative: tuple[float, float] | None = None
+    stated: tuple[float, float] | None = None  # the range in the rig file, if it was one
 
 
 @dataclass(slots=True)
@@ -146,7 +150,10 @@ def calibrate_joint(
     for what in found:
         if what.status != KEPT:
             calibrated = with_number(calibrated, result.joint, names[what.key], what.value)
-    result.numbers, result.problem, result.before = found, problem, problem.base.values
+    result.numbers = (
+        *found, *not_sought(partial, rig.joints[number], found, problem.base.values)
+    )  # fmt: skip
+    result.problem, result.before = problem, problem.base.values
     progress("withheld recordings", 0.9)
     after = problem_of(calibrated, recordings)
     result.after = after.base.values
@@ -218,12 +225,53 @@ def conclusion(
             status = NARROWED
         found.append(
             CalibratedNumber(
-                one.key, one.unit, one.stage, one.written, value, *ends, status, relative
+                one.key,
+                one.unit,
+                one.stage,
+                one.written,
+                value,
+                *ends,
+                status,
+                relative,
+                one.stated,
             )
         )
     count = len(numbers)
     covariance = known.covariance[:count, :count]
     return tuple(found), Posterior(tuple(numbers), values[:count], covariance)
+
+
+def not_sought(
+    partial: PartialRig, joint: Joint, found: Sequence[CalibratedNumber], vector: Array
+) -> tuple[CalibratedNumber, ...]:
+    """The numbers that the rig file leaves open and of which a log of this kind says nothing.
+
+    Parameters
+    ----------
+    partial : PartialRig
+        What the rig file says.
+    joint : Joint
+        The joint.
+    found : sequence of CalibratedNumber
+        Those that were sought.
+    vector : ndarray
+        The plant parameters with which the log was predicted; a missing one was guessed.
+    """
+    sought = {one.key for one in found}
+    left = []
+    for name, stage in names_of(partial.rig, joint).items():
+        key = key_in_file(name, joint)
+        if key in sought or not (key in partial.ranges or key in partial.missing):
+            continue
+        if name == "joint.gravity_angle" and f"{joint.name}.gravity_torque" not in sought:
+            continue  # gravity does not act on the joint
+        stated, value = partial.ranges.get(key), float(vector[INDEX[name]])
+        written, ends = value if stated else None, stated or bounds_of(name)
+        where = NO_COMMANDS if stage == GAS else stage
+        left.append(
+            CalibratedNumber(key, UNITS[name], where, written, value, *ends, KEPT, stated=stated)
+        )
+    return tuple(left)
 
 
 def misfit(

@@ -56,6 +56,7 @@ class FreeRigNumber:
     free: FreeParameter  # bounds, prior and scale of the fit
     written: float | None  # value in the rig file, the middle of a range; None if it is missing
     others: tuple[str, ...] = ()  # further plant parameters that it sets, those of the other muscle
+    stated: tuple[float, float] | None = None  # the range in the rig file, if it is one
 
     @property
     def targets(self) -> tuple[str, ...]:
@@ -94,6 +95,17 @@ def key_in_file(name: str, joint: Joint) -> str:
     return place.key if place.section == "rig" else f"{place.section}.{place.key}"
 
 
+def names_of(rig: Rig, joint: Joint) -> dict[str, str]:
+    """The plant parameters of one joint that a calibration may change, and the stage of each."""
+    names = {f"joint.{key}": stage for key, stage in JOINT.items()}
+    for side in SIDES:
+        names |= {f"{side}.{key}": stage for key, stage in MUSCLE.items()}
+        names |= {f"{side}.valve.{key}": stage for key, stage in VALVE.items()}
+        if rig.muscle(joint.muscles[SIDES.index(side)]).valve.kind != "flow":
+            names |= {f"{side}.valve.{key}": stage for key, stage in OF_REGULATOR.items()}
+    return names | {"supply_pressure": GAS}
+
+
 def free_numbers(
     partial: PartialRig,
     joint: Joint,
@@ -120,15 +132,8 @@ def free_numbers(
     has_commands : bool
         Whether valve commands were recorded; without, nothing of the valves is free.
     """
-    names = {f"joint.{key}": stage for key, stage in JOINT.items()}
-    for side in SIDES:
-        names |= {f"{side}.{key}": stage for key, stage in MUSCLE.items()}
-        names |= {f"{side}.valve.{key}": stage for key, stage in VALVE.items()}
-        if partial.rig.muscle(joint.muscles[SIDES.index(side)]).valve.kind != "flow":
-            names |= {f"{side}.valve.{key}": stage for key, stage in OF_REGULATOR.items()}
-    names["supply_pressure"] = GAS
     found = []
-    for name, stage in names.items():
+    for name, stage in names_of(partial.rig, joint).items():
         if stage == GAS and not has_commands:
             continue
         one = _number(name, stage, partial, joint, start, said, rules)
@@ -237,7 +242,10 @@ def _number(
         if not tolerance > 0.0:
             return None
         free = _about(name, value, tolerance, rules)
-    return FreeRigNumber(name, key, UNITS[name], stage, _bounded(free, low, high), written)
+    return FreeRigNumber(
+        name, key, UNITS[name], stage, _bounded(free, low, high), written,
+        stated=partial.ranges.get(key),
+    )  # fmt: skip
 
 
 def _is_unstated(name: str, rig: Rig, joint: Joint) -> bool:

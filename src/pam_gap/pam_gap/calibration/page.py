@@ -11,7 +11,7 @@ from pam_gap.answer.html_page import breakable, html_page
 from pam_gap.answer.traces import NO_FIGURES, Trace, draw, drawn_or_reason
 from pam_gap.answer.user_units import plain, told
 from pam_gap.calibration.answer import interval_words, sentence, status_words, written_value
-from pam_gap.calibration.calibration import Calibration
+from pam_gap.calibration.calibration import KEPT, Calibration
 from pam_gap.prediction.channel_order import UNITS
 from pam_gap.prediction.channels import block_means
 from pam_gap.prediction.problem import PredictionProblem
@@ -77,7 +77,7 @@ def render(calibration: Calibration, withheld: str) -> str:
         (
             breakable(one.key),
             written_value(one),
-            plain(one.value, 4),
+            written_value(one) if one.status == KEPT else plain(one.value, 4),
             interval_words(one.low, one.high),
             one.unit,
             one.stage,

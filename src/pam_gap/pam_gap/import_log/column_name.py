@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Mapping
 from typing import Final
 
@@ -15,16 +16,24 @@ from pam_model.unit_hints import RECORDED
 WORDS: Final[Mapping[str, frozenset[str]]] = {
     kind: frozenset(words.split())
     for kind, words in {
-        "time": "time t stamp timestamp ts seconds sec elapsed zeit datetime date datum uhrzeit",
-        PRESSURES: "pressure pressures press p pres druck",
-        COMMANDS: "command commands cmd valve u input action ventil",
-        ".position": "angle position pos q theta phi joint encoder winkel",
+        "time": "time t stamp timestamp ts seconds sec secs elapsed zeit datetime date datum "
+        "uhrzeit temps tempo tiempo",
+        PRESSURES: "pressure pressures press p pres druck pression pressione presion",
+        COMMANDS: "command commands cmd valve u input action ventil commande comando vanne valvola "
+        "valvula",
+        ".position": "angle position pos q theta phi joint encoder winkel angolo angulo",
         "length": "length len position pos displacement distance stroke laser x",
         ".effort": "force load cell effort torque f",
         SUPPLY: "supply tank source",
     }.items()
 }
-"""Words that suggest a kind of channel."""
+"""Words that suggest a kind of channel; accents are left out."""
+DERIVED: Final = frozenset([
+    "mean", "avg", "average", "diff", "difference", "delta", "dp", "dot", "rate", "deriv",
+    "derivative", "error", "err", "sum", "total", "ratio", "std", "var", "rms", "velocity", "vel",
+    "speed", "acceleration", "acc", "jerk", "current", "temperature", "temp",
+])  # fmt: skip
+"""Words of what is computed of several channels or is another quantity."""
 _UNIT_WORDS: Final = {
     "deg": "deg", "degree": "deg", "degrees": "deg", "mrad": "mrad", "bar": "bar", "kpa": "kPa",
     "mpa": "MPa", "psi": "psi", "mbar": "mbar", "ms": "ms", "us": "us", "ns": "ns", "mm": "mm",
@@ -38,6 +47,15 @@ _COUNTS: Final = frozenset(
     ["raw", "adc", "counts", "count", "ticks", "lsb", "digits", "encoder", "enc"]
 )
 """Words of a column that holds steps of a converter or an encoder, if it holds whole numbers."""
+_VOLTS: Final = re.compile(r"[\s_.-](mA|mV|V|[Vv]olts?)$")
+"""The unit of a raw signal at the end of a name, as in `valve1_V`."""
+_NUMBER: Final = r"\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?"
+_MULTIPLE: Final = re.compile(
+    rf"[x×*]?\s*{_NUMBER}\s*[x×*]?\s*([^\W\d_]+|°|%)|([^\W\d_]+|°|%)\s*[x×*/]\s*{_NUMBER}"
+)
+"""A multiple of a unit, as `0.1 ms` or `kPa x10`."""
+_TENS: Final = re.compile(r"(?<![A-Za-z\d.])(?:10+|0\.0*1)([A-Za-z]+)")
+"""A multiple in a name, as in `time_10us`."""
 _LONGEST_UNIT: Final = 5
 """Characters of an unknown unit; a longer word in brackets is a remark."""
 _OTHER: Final = "another unit"
@@ -46,7 +64,8 @@ _OTHER: Final = "another unit"
 
 def words_of(name: str) -> list[str]:
     """The words and numbers in a name: `elbowFlexor_p1[kPa]` has elbow, flexor, p, 1, kpa."""
-    apart = re.sub(r"([a-z])([A-Z])", r"\1 \2", name)
+    plain = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode()
+    apart = re.sub(r"([a-z])([A-Z])", r"\1 \2", plain)
     return [word.lower() for word in re.findall(r"[A-Za-z]+|\d+", apart)]
 
 
@@ -81,6 +100,8 @@ class ColumnName:
         whole = [word.lower() for word in re.findall(r"[A-Za-z]+", name)]  # kPa is one word
         parts = [*listed, *whole]
         in_words = next(filter(None, map(_unit_of_word, reversed(parts))), "")
+        if _VOLTS.search(name) or any(map(_unit_of_word, _TENS.findall(name.lower()))):
+            in_words = _OTHER
         self.unit = in_bracket or in_words or unit_spelt(below) or ""
         stated = [bracket[0] if bracket else below, *whole]
         self.absolute = not _ABSOLUTE.isdisjoint(listed) or any(map(is_absolute, stated))
@@ -110,6 +131,9 @@ def _bracketed(text: str) -> str:
     if spelt := unit_spelt(text):
         return spelt
     inside = text[1:-1].strip()
+    multiple = _MULTIPLE.fullmatch(inside)
+    if multiple and unit_spelt(multiple[1] or multiple[2]):
+        return _OTHER
     is_short = text[0] == "[" and len(inside) <= _LONGEST_UNIT
     looks_like_a_unit = is_short or "/" in inside or inside.endswith("V")
     return _OTHER if looks_like_a_unit and inside and not inside.isdigit() else ""

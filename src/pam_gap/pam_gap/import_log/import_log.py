@@ -21,7 +21,7 @@ from pam_gap.diagnose_recordings import (
 )
 from pam_gap.import_log.column_name import with_another_unit
 from pam_gap.import_log.preview_page import Preview, conversion, render
-from pam_gap.import_log.propose_map import Proposed, map_text, propose, wanted_channels
+from pam_gap.import_log.propose_map import Proposed, doubts, map_text, propose, wanted_channels
 from pam_gap.prediction.bench_joint import bench_muscles
 from pam_gap.prediction.identifiable import what_is_missing as not_identifiable_for
 from pam_gap.recordings.bag_columns import read_bag_columns
@@ -117,11 +117,14 @@ def ask_about(
 
 def _proposed_map(
     path: Path, table: Table, rig: Rig, out: Path, rate: float, ask: Ask | None
-) -> Path:
-    """Write the map that is proposed or confirmed; return its path."""
+) -> tuple[Path, list[str]]:
+    """Write the map that is proposed or confirmed; return its path, and what is doubtful in it."""
     bag, columns = is_bag(path), table.columns
     proposed = propose(columns, rig, is_bag=bag, units=table.units)
+    doubtful = [] if bag else doubts(proposed, table, rig)
     if ask is not None:
+        for text in doubtful:
+            ask(f"check {text} (press Enter)")
         proposed = ask_about(proposed, columns, rig, is_bag=bag, ask=ask)
     if rate:
         proposed = [one for one in proposed if one.channel != "time"]
@@ -134,7 +137,7 @@ def _proposed_map(
             f"{path}: no column looks like a time ({all_shown(columns)}){_of_text(table)}; state "
             f"--rate [Hz], or name the column in {place} and give it with --map"
         )
-    return place
+    return place, [] if ask else doubtful
 
 
 def _why_none(table: Table, rig: Rig, place: Path) -> str:
@@ -212,7 +215,9 @@ def import_log(
     """
     table = columns_of(path)
     out.mkdir(parents=True, exist_ok=True)
-    used = map_path or _proposed_map(path, table, rig, out, rate, ask)
+    used, doubtful = map_path, list[str]()
+    if used is None:
+        used, doubtful = _proposed_map(path, table, rig, out, rate, ask)
     column_map: ColumnMap = load_column_map(used)
     recording: Recording | None = None
     problems: list[str] = []
@@ -242,6 +247,7 @@ def import_log(
         missing,
         table.remarks,
         no_verdict,
+        doubtful,
     )
     (out / PAGE).write_text(render(preview), encoding="utf-8")
     return preview
@@ -266,6 +272,8 @@ def run(given: Arguments) -> Outcome:
             print(f"missing: {text}")
     for text in preview.recording.repairs[:_MOST] if preview.recording else ():
         print(f"note: {text}")
+    for text in preview.doubts:
+        print(f"check: {text}")
     for text in preview.damage:
         print(f"warning: {text}", file=sys.stderr)
     for text in preview.problems:
@@ -281,6 +289,7 @@ def run(given: Arguments) -> Outcome:
             "channels": {c: e.columns for c, e in preview.column_map.channels.items()},
             "problems": list(preview.problems),
             "missing": list(preview.missing),
+            "doubts": list(preview.doubts),
             "damage": list(preview.damage),
             "no_verdict": list(preview.no_verdict),
         },

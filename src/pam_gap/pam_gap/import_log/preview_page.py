@@ -44,6 +44,7 @@ class Preview:
     missing: Sequence[str]  # what a diagnosis cannot judge without channels that are not there
     damage: Sequence[str] = ()  # what could not be read
     no_verdict: Sequence[str] = ()  # why no verdict can follow from this recording alone
+    doubts: Sequence[str] = ()  # what a person has to check of a map that was proposed
 
     @property
     def unused(self) -> list[str]:
@@ -57,6 +58,7 @@ _BODY = """
 <b>{{ 'A diagnosis would refuse this' if p.problems else 'Understood' }}</b>
 {% for text in p.problems %}{{ text }}<br>{% else %}{{ summary }}{% endfor %}
 {% for text in p.no_verdict %}<br>No verdict can follow: {{ text }}{% endfor %}
+{% for text in p.doubts %}<br>Check: {{ text }}.{% endfor %}
 {% for text in p.damage %}<br>Damaged: {{ text }}.{% endfor %}</div>
 {% if rows %}<h2>Channels</h2>
 {{ table(['channel', 'column of the log', 'read as', '#smallest', '#largest'], rows) }}{% endif %}

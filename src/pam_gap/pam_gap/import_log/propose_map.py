@@ -7,21 +7,24 @@ proposal is a draft of a map file: the user confirms or corrects it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 import yaml
 
-from pam_gap.import_log.column_name import WORDS, ColumnName, words_of
+from pam_gap.import_log.column_name import DERIVED, WORDS, ColumnName, words_of
 from pam_gap.prediction.bench_joint import bench_muscles
 from pam_gap.recordings.column_map import unit_of
 from pam_gap.recordings.import_rosbag import ESTIMATES, GROUND_TRUTH
 from pam_gap.recordings.plausible_units import LONGEST_STEP, SHORTEST_STEP
 from pam_gap.recordings.recording import COMMANDS, JOINTS, MUSCLES, PRESSURES, SUPPLY, Array
+from pam_gap.recordings.text_table import Table
 from pam_model.rig import Rig
 from pam_model.unit_hints import RECORDED, units_that_fit
+from pam_ros.foreign_text import all_shown, shown
 
 _ASKED: Final = frozenset([
     "command", "commands", "cmd", "des", "desired", "ref", "reference", "target", "setpoint",
@@ -33,14 +36,22 @@ _SEEN: Final = frozenset([
     "ist",
 ])  # fmt: skip
 """Words of what was measured, which do not say what it is."""
+_CONTRACTION: Final = frozenset(["contraction", "epsilon", "eps", "shortening"])
+"""Words of how much shorter a muscle is, over its rest length."""
 _SIDES: Final = (
     frozenset(["ago", "agonist", "agon"]),
     frozenset(["ant", "antago", "antagonist", "antag"]),
 )
 """What the first and the second muscle of a joint are called without their names."""
-_FRACTIONS: Final = {"ms": 1e-3, "msec": 1e-3, "us": 1e-6, "usec": 1e-6, "ns": 1e-9, "nsec": 1e-9}
-"""Columns that hold the rest of a time of day in whole seconds, and their unit [s]."""
+_FRACTIONS: Final = {
+    **dict.fromkeys(("ms", "msec", "msecs", "millis", "milliseconds"), 1e-3),
+    **dict.fromkeys(("us", "usec", "usecs", "micros", "microseconds"), 1e-6),
+    **dict.fromkeys(("ns", "nsec", "nsecs", "nanosec", "nanosecs", "nanoseconds"), 1e-9),
+}
+"""Last words of columns that hold the rest of a time in whole seconds, and their unit [s]."""
+_SECONDS: Final = frozenset(["sec", "secs", "seconds"])
 _DAY: Final = 86400.0
+_SHORTEST: Final = 3  # letters of a short form of a name
 _KIND, _OWNER, _NUMBER = 2.0, 3.0, 1.5
 """What a word of the kind, a word of the muscle or joint, and the right number count."""
 _TOLD_BY_UNIT: Final = (PRESSURES, ".position")
@@ -61,6 +72,8 @@ class Proposed:
     # columns that are added, with their weights, for a time in several columns
     more: tuple[tuple[str, float], ...] = ()
     absolute: bool = False  # whether its unit says that it is an absolute pressure
+    alike: tuple[str, ...] = ()  # other columns that fit as well by their names and units
+    is_guessed: bool = False  # whether the unit follows from the size of the values alone
 
 
 def wanted_channels(rig: Rig) -> list[str]:
@@ -122,11 +135,16 @@ def _expected(channel: str, rig: Rig) -> str:
 def _owner_score(channel: str, words: frozenset[str], rig: Rig) -> float:
     """How well the words name the muscle or joint of a channel."""
     owner = channel.partition(".")[2].partition(".")[0]
-    named = sum(word in words for word in words_of(owner))
+    named = sum(any(_is_short_for(w, word) for w in words) for word in words_of(owner))
     for joint in rig.joints:
         if owner in joint.muscles and words & _SIDES[joint.muscles.index(owner)]:
             named += 1
     return _OWNER * named
+
+
+def _is_short_for(word: str, owner: str) -> bool:
+    """Whether a word is that of a name, or its beginning, as `flex` of `flexor`."""
+    return word == owner or (len(word) >= _SHORTEST and owner.startswith(word))
 
 
 def _kind_score(kind: str, column: ColumnName, expected: str, owner: float) -> float:
@@ -153,11 +171,17 @@ def _score(channel: str, place: int, column: ColumnName, rig: Rig) -> float:
     for rank, name in enumerate(_own_names(channel)):
         if column.name == name or (name.startswith("/") and column.name.endswith(name)):
             return _OWN_NAME - rank
-    expected = _expected(channel, rig)
-    if not column.is_of(expected):
+    if not column.is_of(_expected(channel, rig)):
         return 0.0
+    return _score_of_words(channel, place, column, rig)
+
+
+def _score_of_words(channel: str, place: int, column: ColumnName, rig: Rig) -> float:
+    """How well the words of a column fit a channel, whatever its unit; 0 where they do not."""
     owner = _owner_score(channel, column.words, rig)
-    kind = _kind_score(_kind(channel), column, expected, owner)
+    if _is_derived(channel, column):
+        return 0.0
+    kind = _kind_score(_kind(channel), column, _expected(channel, rig), owner)
     if not kind:
         return 0.0
     others = sum(
@@ -175,7 +199,7 @@ def _unit(channel: str, column: ColumnName, values: Array, rig: Rig) -> str:
         return column.unit if column.unit in dict(RECORDED.get(expected, ())) else ""
     finite = values[np.isfinite(values)]
     if channel == "time":
-        return _unit_of_time(finite)
+        return "" if column.words & _SECONDS else _unit_of_time(finite)
     largest = float(np.abs(finite).max(initial=0.0))
     supply = rig.supply_pressure - rig.gas.ambient_pressure
     limits = {
@@ -191,8 +215,10 @@ def _unit(channel: str, column: ColumnName, values: Array, rig: Rig) -> str:
 
 def _unit_of_time(values: Array) -> str:
     """The unit in which a time has the steps of a logger; empty for seconds or an unknown one."""
-    steps = np.diff(np.unique(values))
-    step = float(np.median(steps)) if steps.size else 0.0
+    stamps = np.unique(values)
+    step = float(np.median(np.diff(stamps))) if stamps.size > 1 else 0.0
+    if stamps.size < 0.5 * values.size:  # written with few digits: several rows have one stamp
+        step *= stamps.size / values.size
     if SHORTEST_STEP <= step <= LONGEST_STEP:
         return ""
     fitting = units_that_fit(step, "s", SHORTEST_STEP, LONGEST_STEP, RECORDED)
@@ -274,11 +300,16 @@ def _best(
     # In a bag of the suite, what has another name is something else.
     least = _LEAST_OWN if is_bag and best >= _LEAST_OWN else 0.0
     found: dict[str, ColumnName] = {}
+    reached: dict[str, float] = {}
     used: set[str] = set()
     for score, channel, column in sorted(scored, key=lambda s: -s[0]):
         if score > least and channel not in found and column.name not in used:
-            found[channel] = column
+            found[channel], reached[channel] = column, score
             used.add(column.name)
+    alike: dict[str, list[str]] = {}
+    for score, channel, column in scored:
+        if score == reached.get(channel, 0.0) < _LEAST_OWN and channel != "time":
+            alike.setdefault(channel, []).append(column.name)
     return [
         Proposed(
             channel,
@@ -286,10 +317,91 @@ def _best(
             _unit(channel, found[channel], columns[found[channel].name], rig),
             _rest_of_time(columns, found[channel].name) if channel == "time" else (),
             found[channel].absolute and channel.startswith(PRESSURES),
+            tuple(_others(alike.get(channel, []), found[channel].name, columns)),
+            not found[channel].unit,
         )
         for channel in channels
         if channel in found
     ]
+
+
+def _others(names: list[str], taken: str, columns: Mapping[str, Array]) -> Iterator[str]:
+    """The columns that differ from the one that was taken."""
+    for name in names:
+        if not np.array_equal(columns[name], columns[taken], equal_nan=True):
+            yield name
+
+
+def doubts(proposed: Sequence[Proposed], table: Table, rig: Rig) -> list[str]:
+    """What a person has to check of a proposal, or to add to it.
+
+    Parameters
+    ----------
+    proposed : sequence of Proposed
+        What was proposed.
+    table : Table
+        The columns of the log, with the text that is in them.
+    rig : Rig
+        The rig that was recorded.
+    """
+    found = [
+        f"{one.channel}: {all_shown(one.alike)} fits as well as {shown(one.column)}"
+        for one in proposed
+        if one.alike
+    ]
+    guessed: dict[str, list[str]] = {}
+    for one in proposed:
+        if one.is_guessed and one.unit:
+            guessed.setdefault(one.unit, []).append(one.column)
+    found += [f"{all_shown(of)}: taken for {unit} by the size" for unit, of in guessed.items()]
+    used = {one.column for one in proposed}
+    names = [
+        ColumnName(name, table.units.get(name, ""), table.columns)
+        for name in table.columns
+        if name not in used
+    ]
+    there, benches = {one.channel for one in proposed}, bench_muscles(rig)
+    places: dict[str, int] = {}
+    for channel in wanted_channels(rig):
+        kind = _kind(channel)
+        place = places[kind] = places.get(kind, 0) + 1
+        muscle = channel.partition(".")[2].partition(".")[0]
+        is_needed = channel.startswith((PRESSURES, COMMANDS, JOINTS)) or (
+            channel.startswith(MUSCLES) and muscle in benches
+        )
+        if channel in there or not is_needed:
+            continue
+        scores = {name: _score_of_words(channel, place, name, rig) for name in names}
+        best = max(scores.values(), default=0.0)
+        for name in (each for each, score in scores.items() if score == best > 0.0):
+            reason = _why_left_out(channel, name, table, rig)
+            if reason:
+                found.append(f"{channel}: {shown(name.name)} looks like it, but {reason}")
+        if kind == "length":
+            rest = rig.muscle(muscle).rest_length
+            found += [
+                f"{channel}: {shown(name.name)} looks like a contraction; for a share of the rest "
+                f"length, write `scale: -{rest:g}, offset: {rest:g}` (`scale: -{0.01 * rest:g}` "
+                "for per cent)"
+                for name in names
+                if name.words & _CONTRACTION
+            ]
+    return found
+
+
+def _why_left_out(channel: str, column: ColumnName, table: Table, rig: Rig) -> str:
+    """Why a column with the right words is not proposed; empty if it is not known."""
+    if not np.isfinite(table.columns[column.name]).any():
+        text = table.texts.get(column.name)
+        return f"holds {text}" if text else ""
+    if column.is_of(_expected(channel, rig)):
+        return ""
+    return "has another unit; `scale` and `offset` of the map can convert it"
+
+
+def _is_derived(channel: str, column: ColumnName) -> bool:
+    """Whether a word says that a column was computed, or is of another quantity."""
+    return bool((column.words & DERIVED) - set(words_of(channel.partition(".")[2])))
 
 
 def _time_score(column: ColumnName, values: Array, is_first: bool) -> float:
@@ -314,7 +426,7 @@ def _rest_of_time(columns: Mapping[str, Array], time: str) -> tuple[tuple[str, f
         return ()
     rest = [
         (name, unit) for name, column in columns.items()
-        if (unit := _FRACTIONS.get(name.strip().lower())) is not None
+        if (unit := _fraction(name, time)) is not None
         and np.nanmin(column) >= 0.0 and np.nanmax(column) * unit < 1.0
     ]  # fmt: skip
     dates = [
@@ -323,6 +435,23 @@ def _rest_of_time(columns: Mapping[str, Array], time: str) -> tuple[tuple[str, f
         and np.nanmax(column) > 1e3 * _DAY and np.nanmax(values) < 2.0 * _DAY
     ]  # fmt: skip
     return (*dates[:1], *rest[:1]) if rest else ()
+
+
+def _fraction(name: str, time: str) -> float | None:
+    """The unit [s] of a column that holds the fraction of a second of a time; None for others.
+
+    Both have the same words before the unit, as `stamp.sec` and `stamp.nanosec`.
+    """
+    before, word = _last_word(name)
+    return _FRACTIONS.get(word.lower()) if before in ("", _last_word(time)[0]) else None
+
+
+def _last_word(name: str) -> tuple[str, str]:
+    """The last word of a name, and what stands before it."""
+    found = re.search(r"[A-Za-z]+\W*$", name)
+    if found is None:
+        return name, ""
+    return name[: found.start()], found[0].strip()
 
 
 def map_text(proposed: list[Proposed], rate: float = 0.0) -> str:

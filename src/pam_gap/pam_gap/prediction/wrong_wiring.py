@@ -32,6 +32,7 @@ from pam_gap.prediction.directions import (
 from pam_gap.prediction.fit import Array, mean_squares
 from pam_gap.prediction.problem import PredictionProblem
 from pam_gap.recordings.recording import LOCKED, SHUT
+from pam_model.rig.rewiring import crossed_hoses, turned_encoder
 
 CABLES = "Check the cables and the names in the log, or correct the log with --map."
 
@@ -42,7 +43,8 @@ class Exchange:
 
     # what is exchanged, for the answer; `{0}` and `{1}` are the muscles and `{2}` the joint
     words: str
-    remedy: str  # what to change, as a full sentence
+    # what to change, as a full sentence; `{3}` and `{4}` say it of the rig file (`rewiring`)
+    remedy: str
     commands: tuple[float, float] = (1.0, 1.0)  # signs of both commands
     # swaps_commands, swaps_pressures, swaps_forces, turns_position: what is swapped or reversed
     swaps_commands: bool = False
@@ -100,13 +102,12 @@ class Exchange:
 
 REVERSED = Exchange(
     "the sign of joint {2} is reversed",
-    "Reverse the sign of the encoder (with --map or on the board), or write in the rig file "
-    "muscles: [{1}, {0}] for {2}, with the signs of position_limits and gravity_angle reversed.",
+    "Reverse the sign of the encoder (with --map or on the board); or, in the rig file, {3}.",
     turns_position=True,
 )
 HOSES = Exchange(
     "the hoses of the muscles {0} and {1} are exchanged",
-    "Exchange the hoses, or the board and channel of {0} and {1} in the rig file.",
+    "Exchange the hoses; or, in the rig file, {4}.",
     swaps_commands=True,
     swaps_pressures=True,
 )
@@ -181,7 +182,10 @@ def wrong_wiring(problem: PredictionProblem) -> tuple[str, ...]:
         return ()
     same = [one for rest, one in tried if rest * (1.0 - rules.wrong_wiring) <= left]
     named = [one for one in same if one is best or {one, best} == {REVERSED, HOSES}]
-    names = (*entry.muscles, entry.name)
+    names = (
+        *entry.muscles, entry.name, turned_encoder(problem.rig, entry),
+        crossed_hoses(problem.rig, entry),
+    )  # fmt: skip
     what = ", or ".join(one.words for one in named).format(*names)
     remedy = " ".join(dict.fromkeys(one.remedy for one in named)).format(*names)
     return (

@@ -40,10 +40,13 @@ from pam_gap.recordings.recording import (
     RawChannel,
     RecordingError,
 )
+from pam_model.plain_yaml import PlainLoader
 from pam_model.reading import read_text, reading
-from pam_model.unit_hints import RECORDED
+from pam_model.rig.types import NUMBERS
+from pam_model.unit_hints import RECORDED, conversion_hint
 from pam_ros.foreign_text import all_shown, shown
 
+AMBIENT: Final = NUMBERS["gas"]["ambient_pressure"]
 STANDARD_AMBIENT = 101325.0  # Pa
 _UNITS = (
     ("time", "time", "s"),
@@ -63,15 +66,6 @@ _KEYS = frozenset(
 
 LARGEST_MAP: Final = 1 << 20
 """Size limit of a map file [bytes]."""
-
-
-class _Loader(yaml.SafeLoader):
-    """Plain YAML without aliases, which can expand without limit."""
-
-    def compose_node(self, parent: Any, index: Any) -> Any:
-        if self.check_event(yaml.AliasEvent):
-            raise yaml.YAMLError("aliases (*name) are not allowed in a map")
-        return super().compose_node(parent, index)
 
 
 @dataclass(frozen=True, slots=True)
@@ -214,6 +208,26 @@ def _number(entry: Mapping[str, Any], key: str, default: float, where: str) -> f
     return float(value)
 
 
+def _zero_of_absolute(channel: str, entry: Mapping[str, Any], where: str) -> float:
+    """The ambient pressure that is to be subtracted [Pa]; 0 unless the column is `absolute`."""
+    absolute = entry.get("absolute", False)
+    if not isinstance(absolute, bool):
+        raise RecordingError(f"{where}: absolute is {shown(str(absolute))}; expected true or false")
+    if not absolute:
+        if "ambient" in entry:
+            raise RecordingError(f"{where}: `ambient` needs `absolute: true`")
+        return 0.0
+    if not channel.startswith(PRESSURES):
+        raise RecordingError(f"{where}: only a {PRESSURES}<muscle> can be `absolute`")
+    key, value = AMBIENT, _number(entry, "ambient", STANDARD_AMBIENT, where)
+    if not key.low <= value <= key.high:
+        hint = conversion_hint(value, key.unit, key.low, key.high)
+        raise RecordingError(
+            f"{where}: ambient is {value:g}; expected {key.low:g} to {key.high:g} {key.unit}{hint}"
+        )
+    return value
+
+
 def _column(channel: str, entry: Any, source: Path) -> MappedColumn:
     where = f"{source}: {channel if unit_of(channel) != '?' else shown(channel)}"
     if isinstance(entry, str):
@@ -248,10 +262,7 @@ def _column(channel: str, entry: Any, source: Path) -> MappedColumn:
         held = _number(entry, "held", 0.0, where)
         return MappedColumn("", 0.0, sign * factor * held + _number(entry, "offset", 0.0, where))
     offset = _number(entry, "offset", 0.0, where)
-    if entry.get("absolute", False):
-        if not channel.startswith(PRESSURES):
-            raise RecordingError(f"{where}: only a {PRESSURES}<muscle> can be `absolute`")
-        offset -= _number(entry, "ambient", STANDARD_AMBIENT, where)
+    offset -= _zero_of_absolute(channel, entry, where)
     if "column" in entry:
         return MappedColumn(entry["column"], sign * factor, offset)
     weights = {str(name): value for name, value in entry["columns"].items()}
@@ -272,7 +283,7 @@ def load_column_map(path: str | Path) -> ColumnMap:
     """
     source = Path(path)
     with reading(source, "a readable map of columns", RecordingError):
-        content = yaml.load(read_text(source, LARGEST_MAP), _Loader)  # a SafeLoader
+        content = yaml.load(read_text(source, LARGEST_MAP), PlainLoader)  # a SafeLoader
         return _map_of(content, source)
 
 

@@ -29,7 +29,9 @@ from pam_model.reading import reading
 from pam_ros.foreign_text import all_shown, shown
 
 TEXTS: Final = tuple(
-    f"{kind}{packing}" for kind in (".csv", ".txt", ".tsv", ".dat") for packing in ("", *PACKINGS)
+    f"{kind}{packing}"
+    for kind in (".csv", ".txt", ".tsv", ".dat", ".lvm", ".asc")
+    for packing in ("", *PACKINGS)
 )
 PARQUET: Final = (".parquet", ".pq")
 TABLES: Final = (*TEXTS, *PARQUET, *ARRAYS)

@@ -43,6 +43,12 @@ LARGEST_OPENING = 1.5
 """The command of a flow valve is from -1 to 1."""
 LARGEST_PER_MILLE = 1500.0
 """A larger command of a flow valve is a pressure."""
+SHUT_WITHIN = 0.03
+"""Openings within this count as shut."""
+SMOOTHED = 0.02
+"""Time over which a change of a pressure is taken [s]."""
+FALLS = 0.5
+"""Of the largest pressure, that it must fall in all to say something of the valve."""
 SMALLEST_PRESSURE = 1.0
 """If all commands are below this, they are spool openings and not set points [Pa]."""
 FEWEST = 100
@@ -92,6 +98,7 @@ def _check_muscles(rig: Rig, muscles: Sequence[str], recording: Recording) -> No
     _check_supply(rig, recording)
     for muscle in muscles:
         _check_command(rig, muscle, recording)
+        _check_shut(rig, muscle, recording)
         _check_absolute(rig, muscle, recording)
         _check_force_and_length(rig, muscle, recording)
 
@@ -221,6 +228,29 @@ def _check_command(rig: Rig, muscle: str, recording: Recording) -> None:
             hint = "; looks like a spool opening"
         expected = f"Pa gauge, since the rig file has a regulator{see}"
         _refuse(recording, channel, f"stays within {largest:.4g}", expected, hint)
+
+
+def _check_shut(rig: Rig, muscle: str, recording: Recording) -> None:
+    """Refuse openings that are never negative, where the pressure falls while they are positive.
+
+    Many valves are shut at 5 V of 10 V, or at half of the range of a converter.
+    """
+    command, channel = f"{COMMANDS}{muscle}", f"{PRESSURES}{muscle}"
+    if not recording.has(command) or rig.muscle(muscle).valve.kind != "flow":
+        return
+    commands, pressures = recording.values[command], recording.values[channel]
+    if float(np.quantile(commands, 0.01)) < -SHUT_WITHIN:
+        return
+    count = max(round(SMOOTHED / recording.sample_time), 1)
+    changes = np.diff(pressures[::count])
+    lowest = np.minimum.reduceat(commands, np.arange(0, commands.size, count))[: changes.size]
+    fallen = np.maximum(-changes, 0.0)
+    total, against = float(fallen.sum()), float(fallen[lowest > SHUT_WITHIN].sum())
+    if total > FALLS * _largest(recording, channel) and against > 0.5 * total:
+        seen = f"is never below 0, and {channel} falls while it is above"
+        expected = "an opening from -1 (exhaust) to 1 (supply), which is 0 where the valve is shut"
+        hint = "; if it runs from 0 to 1 and the valve is shut at 0.5: `scale: 2, offset: -1`"
+        _refuse(recording, command, seen, expected, hint)
 
 
 def _check_absolute(rig: Rig, muscle: str, recording: Recording) -> None:

@@ -31,6 +31,10 @@ MOST_ROWS = 1e7
 SPIKE = 25.0  # a sample this many noise widths from both neighbours is an error of the log
 SAME_TIME = 1e-3
 """Share of a step: a stamp this close to a grid point counts as on the grid point."""
+FAR = 3.0
+"""Of the range of all other values: a value that is farther from them, and is repeated exactly, is
+no measurement but what a device writes in place of one, such as -999."""
+OFTEN = 0.1  # share of the samples up to which a value may be such a mark
 RESTARTED = 0.02
 """Share of the samples, stamped before an earlier one, above which the clock was started anew."""
 SET_BACK = 20
@@ -51,7 +55,7 @@ def _refuse_one_stamp(raw: RawRecording) -> None:
 
 
 def _clean(name: str, raw: RawChannel, repairs: list[str]) -> RawChannel:
-    """Remove NaN, repeated stamps and single spikes, and sort stamps that run backwards."""
+    """Remove what is no measurement and repeated stamps, and sort stamps that run backwards."""
     time, value = raw.time, raw.value
     finite = np.isfinite(time) & np.isfinite(value)
     if not finite.all():
@@ -83,7 +87,25 @@ def _clean(name: str, raw: RawChannel, repairs: list[str]) -> RawChannel:
         repairs.append(f"{name}: {int(spike.sum())} single spikes were removed")
         keep = np.concatenate(([True], ~spike, [True]))
         time, value = time[keep], value[keep]
-    return RawChannel(time, value)
+    return _without_marks(name, RawChannel(time, value), repairs)
+
+
+def _without_marks(name: str, raw: RawChannel, repairs: list[str]) -> RawChannel:
+    """A measurement without the value that marks an error of its sensor, or both such values."""
+    for end in (np.min, np.max):
+        mark = float(end(raw.value))
+        marked = raw.value == mark
+        count, others = int(marked.sum()), raw.value[~marked]
+        width = float(np.ptp(others)) if others.size else 0.0
+        if not (2 <= count <= OFTEN * raw.value.size and width > 0.0):
+            continue
+        if float(np.abs(others - mark).min()) > FAR * width:
+            repairs.append(
+                f"{name}: {count} samples of {mark:.6g} were removed: all others are far from it, "
+                "as where a device writes an error in place of a measurement"
+            )
+            raw = RawChannel(raw.time[~marked], raw.value[~marked])
+    return raw
 
 
 def _shortened(channels: dict[str, RawChannel], repairs: list[str]) -> dict[str, RawChannel]:

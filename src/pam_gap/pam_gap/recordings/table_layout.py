@@ -26,10 +26,11 @@ _LAST: Final = 8
 """Lines at the end that tell how many columns there are."""
 _NUMBER: Final = re.compile(
     r"[-+]?\s*(\d+([.,]\d*)?|[.,]\d+)([eEdD][-+]?\d+)?\s*%?"
+    r"|[-+]?\d{1,3}((,\d{3})+\.\d+|(\.\d{3})+,\d+|(['\u2019]\d{3})+([.,]\d+)?)"
     r"|(\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4})([T ]+\d{1,2}:\d{2}.*)?"
     r"|\d{1,2}:\d{2}(:\d{2}([.,:]\d+)?)?( ?[aApP][mM])?"
 )
-"""A number, also with its sign apart, a date, or a time of day."""
+"""A number, also with its sign apart or its thousands, a date, or a time of day."""
 COMMENT: Final = ("#", "%")
 """What begins a line that is no row."""
 _NOTHING: Final = frozenset({"", "nan", "inf", "-inf", "n/a", "na", "null", "none", "-", "#n/a"})
@@ -43,6 +44,10 @@ UNIT_SPELLINGS: Final = {
     "degree": "deg", "degrees": "deg", "grad": "deg", "m": "m", "mm": "mm", "cm": "cm", "n": "N",
     "mn": "mN", "kn": "kN", "%": "per cent", "percent": "per cent", "v": "V", "a": "A", "ma": "mA",
     "mv": "mV", "nm": "N m", "hz": "Hz", "-": "-", "1": "-", "°c": "°C", "rpm": "rpm",
+    "second": "s", "seconds": "s", "secs": "s", "milliseconds": "ms", "microseconds": "us",
+    "nanoseconds": "ns", "pascal": "Pa", "newton": "N", "newtons": "N", "radian": "rad",
+    "radians": "rad", "metre": "m", "metres": "m", "meter": "m", "meters": "m", "volt": "V",
+    "volts": "V", "gradi": "deg", "grados": "deg", "degrés": "deg",
 }  # fmt: skip
 """How units are written below or behind the names, without upper case, and the unit."""
 _ZERO: Final = re.compile(
@@ -216,6 +221,16 @@ def _no_names(first: int, cells: list[str], body: list[tuple[int, str]], place: 
         f"line {first + 1} is the first of {len(cells)} columns of numbers, but line {number + 1} "
         f"above it, {shown(line.strip())}, does not name {len(cells)} columns; expected their names"
     )
+
+
+def numbered(names: Sequence[str]) -> list[str]:
+    """The names, of which those that were there before have a number behind them."""
+    seen: Counter[str] = Counter()
+    found = []
+    for name in names:
+        seen[name] += 1
+        found.append(f"{name} ({seen[name]})" if name and seen[name] > 1 else name)
+    return found
 
 
 def refuse_doubled(names: Sequence[str]) -> None:

@@ -18,7 +18,7 @@ import numpy as np
 import pandas as pd
 
 from pam_gap.recordings.recording import Array
-from pam_gap.recordings.table_layout import COMMENT, MINUS, find_layout, refuse_doubled
+from pam_gap.recordings.table_layout import COMMENT, MINUS, find_layout, numbered, refuse_doubled
 from pam_gap.recordings.unpacked import open_unpacked
 from pam_model.table_dialect import encoding_of
 from pam_ros.foreign_text import shown
@@ -120,7 +120,6 @@ def read_text_table(path: Path, rows: int | None = None) -> Table:
     """
     lines, encoding = _head(path)
     layout = find_layout(lines)
-    refuse_doubled(layout.names)
     with open_unpacked(path) as file, warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always", pd.errors.ParserWarning)
         frame: Any = pd.read_csv(
@@ -133,9 +132,11 @@ def read_text_table(path: Path, rows: int | None = None) -> Table:
     # a column without a name is used by nobody
     if not all(layout.names):
         frame = frame.loc[:, [bool(name) for name in layout.names]]
-    frame.columns = [name for name in layout.names if name]
+    names = numbered(layout.names)
+    frame.columns = [name for name in names if name]
     table = Table.of_frame(frame, layout.decimal)
     table.units = layout.units
+    _leave_out_doubled(table, dict(zip(names, layout.names, strict=True)))
     long = re.findall(r"Skipping line (\d+): expected", "".join(str(w.message) for w in told))
     if long:
         table.remarks.append(
@@ -143,6 +144,20 @@ def read_text_table(path: Path, rows: int | None = None) -> Table:
             f"{len(layout.names)} columns and are not used"
         )
     return table
+
+
+def _leave_out_doubled(table: Table, original: dict[str, str]) -> None:
+    """Keep one of two columns with the same name and the same numbers, as a time of each channel.
+
+    `original` has the name that each column has in the file.
+    """
+    doubled = [name for name in table.columns if name != original[name]]
+    for name in doubled:
+        first = original[name]
+        if not np.array_equal(table.columns[name], table.columns[first], equal_nan=True):
+            refuse_doubled([first, first])
+        del table.columns[name]
+        table.texts.pop(name, None)
 
 
 def _without_comments(frame: Any) -> Any:
@@ -167,6 +182,7 @@ def _numbers(column: Any, decimal: str) -> tuple[Array, Text | None, str]:
     text = text.str.replace(r"\s#.*$", "", regex=True).str.strip()  # a remark behind a row
     written = text.str.replace(rf"^[{MINUS}]\s*(?=[\d.,])", "-", regex=True)
     written = written.str.replace(r"^([-+])\s+(?=[\d.,])", r"\1", regex=True)
+    written = _ungrouped(written, decimal)
     if decimal != ".":
         written = written.str.replace(decimal, ".", regex=False)
     written = written.str.replace(r"(?<=[\d.])[dD](?=[-+]?\d+$)", "e", regex=True)  # of Fortran
@@ -179,6 +195,21 @@ def _numbers(column: Any, decimal: str) -> tuple[Array, Text | None, str]:
     if not bad.size:
         return values, None, what
     return values, Text(int(bad.size), str(text.iloc[bad[0]]), int(bad[0]) + 1), what
+
+
+def _ungrouped(text: Any, decimal: str) -> Any:
+    """Numbers without the marks between their thousands, where nothing else can be meant.
+
+    A point or a comma is one only in a column in which the decimal mark follows, as in 1,234.5.
+    """
+    other = "," if decimal == "." else r"\."
+    point = re.escape(decimal)
+    for mark, least in ((r"['\u2019\u00a0\u202f]", "*"), (other, "+")):
+        thousands = rf"[-+]?\d{{1,3}}(?:{mark}\d{{3}})+"
+        if text.str.fullmatch(rf"{thousands}(?:{point}\d){least}\d*").any():
+            grouped = text.str.fullmatch(rf"{thousands}(?:{point}\d*)?").to_numpy(bool)
+            text = text.where(~grouped, text.str.replace(mark, "", regex=True))
+    return text
 
 
 def _times_of_day(text: Any) -> Array:

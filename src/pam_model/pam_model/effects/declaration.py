@@ -24,7 +24,16 @@ from pam_model.effects.parts import (
     TorqueFeedforward,
     Treatment,
 )
-from pam_model.effects.slots import SCOPES, TARGETS, Adjusts, DryFriction, PullState, Slot, laws_of
+from pam_model.effects.slots import (
+    SCOPES,
+    TARGETS,
+    Adjusts,
+    DryFriction,
+    Opening,
+    PullState,
+    Slot,
+    laws_of,
+)
 from pam_model.errors import PamError
 
 
@@ -140,6 +149,25 @@ class Effect:
         """Its parameters in order, from e.g. `muscle.effects`; neutral values where not given."""
         given = effects.get(self.name, {})
         return tuple(given.get(key, entry.neutral) for key, entry in self.parameters.items())
+
+    @property
+    def is_of_the_valve(self) -> bool:
+        """Whether it belongs to a muscle's valve or pressure sensor, and not to the muscle."""
+        parts = ("valve.", "pressure_sensor.")
+        return any(
+            isinstance(slot, Opening)
+            or (isinstance(slot, Adjusts) and slot.target.startswith(parts))
+            for slot in self.slots
+        )
+
+    def counted_the_other_way(self, values: Mapping[str, float]) -> Mapping[str, float]:
+        """The same effect where the angle of the joint is counted the other way."""
+        if not any(
+            isinstance(slot, Adjusts) and slot.target == "position_sensor.offset"
+            for slot in self.slots
+        ):
+            return values
+        return {key: -value if key in self.magnitudes else value for key, value in values.items()}
 
     def _refuse(self, text: str) -> None:
         raise EffectError(f"effect {self.name}: {text}")

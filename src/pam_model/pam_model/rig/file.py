@@ -10,15 +10,19 @@ from __future__ import annotations
 import contextlib
 import os
 import sys
-from collections.abc import Collection, Hashable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from functools import reduce
 from itertools import pairwise
+from operator import getitem
 from pathlib import Path
 from typing import Any
 
 import yaml
 
 from pam_model.errors import PamError, RigError
+from pam_model.plain_yaml import PlainLoader
 from pam_model.rig.bus_keys import DEVICE_FILES
+from pam_model.rig.keys import BETWEEN
 from pam_model.rig.parser import parse_rig, unflatten
 from pam_model.rig.ros_yaml import refused_by_nodes
 from pam_model.rig.types import Rig
@@ -27,34 +31,18 @@ MAX_FILE_SIZE = 1 << 20
 """Size limit of a rig file [bytes]."""
 
 
-class _Loader(yaml.SafeLoader):
-    """Plain YAML without aliases, which can expand without limit, and without duplicate keys.
-
-    `refused` has one line for everything that a node would refuse in the file.
-    """
+class _Loader(PlainLoader):
+    """Plain YAML; `refused` has one line for everything that a node would refuse in the file."""
 
     def __init__(self, text: bytes) -> None:
         super().__init__(text)
         self.refused: list[str] = []
 
     def compose_node(self, parent: Any, index: Any) -> Any:
-        if self.check_event(yaml.AliasEvent):
-            raise yaml.YAMLError("aliases (*name) are not allowed in a rig file")
         node = super().compose_node(parent, index)
         if node is not None:
             self.refused += refused_by_nodes(node)
         return node
-
-    def construct_mapping(self, node: Any, deep: bool = False) -> dict[Hashable, Any]:
-        seen = set()
-        for key, _ in node.value:
-            if not isinstance(key, yaml.ScalarNode):
-                continue
-            if key.value in seen:
-                line = key.start_mark.line + 1
-                raise yaml.YAMLError(f"line {line}: {key.value} appears twice")
-            seen.add(key.value)
-        return super().construct_mapping(node, deep)
 
 
 class _Dumper(yaml.SafeDumper):
@@ -229,8 +217,9 @@ def save_rig(
     path: str | Path,
     notes: Sequence[str] = (),
     comments: Mapping[str, str] | None = None,
+    left_open: Mapping[str, tuple[float, float] | None] | None = None,
 ) -> None:
-    """Write a rig file that `load_rig` reads back to an equal rig.
+    """Write a rig file that `load_rig` reads back to an equal rig, if nothing is left open.
 
     Parameters
     ----------
@@ -242,6 +231,9 @@ def save_rig(
         Lines of comment at the beginning of the file, such as where its numbers come from.
     comments : mapping of str to str, optional
         Comments behind single numbers, by key, as `elbow.inertia`.
+    left_open : mapping of str to (float, float) or None, optional
+        Numbers that are written as a range, or are left out, by key; only `load_partial_rig` reads
+        such a file.
 
     Raises
     ------
@@ -255,6 +247,12 @@ def save_rig(
             name = section.get(key)
             if isinstance(name, str) and Path(name).parent == path.parent.resolve():
                 section[key] = Path(name).name
+    for key, ends in (left_open or {}).items():
+        *places, last = key.split(".")
+        section = reduce(getitem, places, tree)
+        section.pop(last, None)
+        if ends is not None:
+            section[last] = {BETWEEN: list(ends)}
     text = yaml.dump(
         {"/**": {"ros__parameters": tree}}, Dumper=_Dumper, sort_keys=False, allow_unicode=True
     )

@@ -34,7 +34,8 @@ class Key:
 
     A number that is `by_size` may be left out as well: it then follows from the rest of the rig.
     `text` says what it means, in one line. `guess` is where a calibration begins that finds the
-    number from a recording; None for a number that no recording determines.
+    number from a recording; None for a number that no recording determines. One that `is_measured`
+    must be written, but a calibration corrects it within its range.
     """
 
     unit: str
@@ -44,6 +45,12 @@ class Key:
     by_size: bool = False
     text: str = ""
     guess: float | None = None
+    is_measured: bool = False
+
+    @property
+    def may_be_range(self) -> bool:
+        """Whether a rig file that is to be calibrated may have a range in place of the number."""
+        return self.is_measured or self.guess is not None
 
 
 @cache
@@ -145,7 +152,8 @@ class Section:
         if isinstance(value, Mapping) and BETWEEN in value:
             self.add(
                 name,
-                f": a range, where a number{unit and ' in' + unit} is needed{FOUND}",
+                f": a range, where a number{unit and ' in' + unit} is needed"
+                f"{FOUND if key.may_be_range else ''}",
             )
             return None
         if isinstance(value, bool) or not isinstance(value, int | float):

@@ -25,12 +25,6 @@ INERTIA_PER_TORQUE = 0.004
 """Guess of a missing inertia [kg m^2] for each N m of the agonist's torque, as in `size`."""
 FRICTION_PER_TORQUE = 0.01
 """Guess of a missing viscous friction [N m s/rad] for each N m."""
-STATED: Mapping[str, tuple[str, ...]] = {
-    "": ("supply_pressure",),
-    "joint": ("pulley_radius",),
-    "muscle": ("thread_length", "turns", "neutral_length"),
-}
-"""Numbers that a calibration changes within what is stated, but that must be stated."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +74,7 @@ def load_partial_rig(path: str | Path) -> PartialRig:
         if branch is None:
             continue
         reader = Section(branch, where, problems)
-        for name in (*guesses, *STATED.get(section, ())):
+        for name in (name for name, key in keys.items() if key.may_be_range):
             if name not in branch:
                 if name in guesses:
                     missing.add(reader.key(name))

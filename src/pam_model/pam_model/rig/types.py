@@ -111,11 +111,13 @@ class Muscle:
     name: str  # as in all messages
     model: str  # name of a registered force model
     # fmt: off
-    thread_length: Annotated[float, Key("m", 5e-3, 10.0,
+    thread_length: Annotated[float, Key("m", 5e-3, 10.0, is_measured=True,
         text="b, length of one thread of the braid")]
-    turns: Annotated[float, Key("-", 1e-2, 1e3, text="n, turns of one thread about the axis")]
+    turns: Annotated[float, Key("-", 1e-2, 1e3, is_measured=True,
+        text="n, turns of one thread about the axis")]
     rest_length: Annotated[float, Key("m", 5e-3, 10.0, text="unpressurised braid length")]
-    neutral_length: Annotated[float, Key("m", 5e-3, 10.0, text="length at joint position 0")]
+    neutral_length: Annotated[float, Key("m", 5e-3, 10.0, is_measured=True,
+        text="length at joint position 0")]
     valve: Valve  # the valve that fills and vents it
     max_pressure: Annotated[float, Key("Pa gauge", 1e4, 2.5e6, text="the driver vents above it")]
     wall_thickness: Annotated[float, Key("m", 0.0, 0.02, text="t_k, bladder and sheath")] = 0.0
@@ -144,6 +146,19 @@ class Muscle:
         """The geometry that every force model needs."""
         return MuscleGeometry(self.thread_length, self.turns, self.rest_length, self.wall_thickness)
 
+    def with_valve_of(self, other: Muscle) -> Muscle:
+        """The same muscle behind the valve and the pressure sensor of another one."""
+        own = {n: each for n, each in self.effects.items() if not EFFECTS[n].is_of_the_valve}
+        moved = {n: each for n, each in other.effects.items() if EFFECTS[n].is_of_the_valve}
+        return replace(
+            self,
+            valve=other.valve,
+            board=other.board,
+            channel=other.channel,
+            pressure_sensor=other.pressure_sensor,
+            effects=own | moved,
+        )
+
     def create_force_model(self) -> ForceModel:
         """Its static force model, without effects.
 
@@ -162,7 +177,7 @@ class Joint:
     name: str  # as in all messages
     muscles: tuple[str, str]  # (agonist, antagonist); the agonist's force gives positive torque
     # fmt: off
-    pulley_radius: Annotated[float, Key("m", 1e-3, 0.5,
+    pulley_radius: Annotated[float, Key("m", 1e-3, 0.5, is_measured=True,
         text="radius at which the tendons of both muscles pull")]
     inertia: Annotated[float, Key("kg m^2", 1e-8, 1e3, guess=1e-3, text="about the joint's axis")]
     position_limits: tuple[float, float]  # (lower, upper) [rad]
@@ -203,6 +218,10 @@ class Joint:
             muscles=(self.antagonist, self.agonist),
             position_limits=(-upper, -lower),
             gravity_angle=-self.gravity_angle,
+            effects={
+                name: EFFECTS[name].counted_the_other_way(values)
+                for name, values in self.effects.items()
+            },
         )
 
     @property
@@ -288,7 +307,7 @@ class Rig:
 
     gas: Gas
     # fmt: off
-    supply_pressure: Annotated[float, Key("Pa absolute", 1.05e5, 2.5e6,
+    supply_pressure: Annotated[float, Key("Pa absolute", 1.05e5, 2.5e6, is_measured=True,
         text="what the valves draw from")]
     joints: tuple[Joint, ...]
     muscles: tuple[Muscle, ...]
