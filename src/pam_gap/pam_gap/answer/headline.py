@@ -45,7 +45,7 @@ def _explaining(diagnosis: Diagnosis, causes: str) -> str:
 
 
 def _alternatives(diagnosis: Diagnosis) -> str:
-    """Causes that cannot be distinguished, most probable first, then those that are in any case."""
+    """The causes that are there in any case, then those that cannot be distinguished."""
     probable = diagnosis.cause_probabilities
     either = [
         " or ".join(
@@ -55,9 +55,11 @@ def _alternatives(diagnosis: Diagnosis) -> str:
     ]
     open_effects = {effect for group in diagnosis.indistinguishable for effect in group}
     sure = [_sized(diagnosis, e) for e in diagnosis.effects if e not in open_effects]
-    if sure and all(len(group) == 1 for group in diagnosis.indistinguishable):
-        return f"{' and '.join(sure)}, perhaps with {' or '.join(either)}"
-    return "; ".join([*either, *sure])
+    if not sure:
+        return "; ".join(either)
+    is_open = all(len(group) == 1 for group in diagnosis.indistinguishable)
+    more = " or ".join(either) if is_open else " and ".join(either)
+    return f"{' and '.join(sure)}, {'perhaps ' if is_open else ''}with {more}"
 
 
 def _error(diagnosis: Diagnosis) -> str:

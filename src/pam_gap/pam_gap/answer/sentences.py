@@ -252,21 +252,25 @@ def _closes(diagnosis: Diagnosis, subject: str) -> str:
 def _ambiguous(diagnosis: Diagnosis) -> str:
     open_effects = {effect for group in diagnosis.indistinguishable for effect in group}
     sure = [effect for effect in diagnosis.effects if effect not in open_effects]
+    closes = _closes(diagnosis, "The best hypothesis explains")
+    subject = "The cause is" if len(sure) == 1 else "The causes are"
     if sure and all(len(group) == 1 for group in diagnosis.indistinguishable):
-        subject = "The cause is" if len(sure) == 1 else "The causes are"
         more = _with_stages(diagnosis, sorted(open_effects, key=diagnosis.effects.index))
         return (
             f"{subject} {_with_stages(diagnosis, sure)}. What this recording does not show is "
-            f"whether there is a further one: {more}."
-            f"{_closes(diagnosis, 'The best hypothesis explains')}"
+            f"whether there is a further one: {more}.{closes}"
         )
     groups = ", or between ".join(
         _with_stages(diagnosis, group) for group in diagnosis.indistinguishable
     )
-    also = f" A further cause is {_with_stages(diagnosis, sure)}." if sure else ""
+    if sure:
+        return (
+            f"{subject} {_with_stages(diagnosis, sure)}, and a further one, for which this "
+            f"recording cannot distinguish between {groups}.{closes}"
+        )
     return (
         "The gap has a known cause, but this recording cannot distinguish between "
-        f"{groups}.{also}{_closes(diagnosis, 'The best hypothesis explains')}"
+        f"{groups}.{closes}"
     )
 
 
