@@ -106,6 +106,6 @@ class JointOfRig:
             places.append(Place(owner, key, written, written))
         for key in ("inertia", "viscous_friction", "gravity_torque"):
             # with effects such as a payload, which stay as they are
-            places.append(Place(joint.name, key, getattr(joint, key), getattr(dynamics, key)))
+            places.append(Place(joint.name, key, getattr(joint, key), getattr(dynamics.joint, key)))
         dry = effect_value(joint.effects, *DRY_FRICTION.split("."))
         return [*places, Place(joint.name, DRY_FRICTION, dry, 1.0)]

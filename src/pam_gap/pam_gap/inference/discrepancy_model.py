@@ -12,7 +12,6 @@ Statistical Learning, 2nd ed., section 7.10).
 from __future__ import annotations
 
 import numpy as np
-from scipy.signal import lfilter
 
 from pam_gap.inference.held_out import Folds
 from pam_gap.prediction.channel_order import BOTH_PRESSURES, POSITION
@@ -45,6 +44,20 @@ def _standardised(columns: Array) -> Array:
     return found
 
 
+def _past(values: Array, step: float) -> list[Array]:
+    """Values (rows, n) as first-order lags with the time constants `MEMORY` show them.
+
+    A loop, because the filters of scipy take longer to import than this takes.
+    """
+    keep = np.exp(-step / np.array(MEMORY))[:, None]
+    seen = np.empty((len(values), len(MEMORY), values.shape[1]))
+    state = np.tile(values[0], (len(MEMORY), 1))
+    for row, value in enumerate(values):
+        state = keep * state + (1.0 - keep) * value
+        seen[row] = state
+    return [seen[:, k] for k in range(len(MEMORY))]
+
+
 def _signals(data: Channels, block: int) -> tuple[Array, Array, Array]:
     """Signals of one recording (rows, n), their rates and past (rows, m), and the angle (rows,)."""
     step = block * data.recording.sample_time
@@ -58,10 +71,7 @@ def _signals(data: Channels, block: int) -> tuple[Array, Array, Array]:
     direction = np.tanh(speed / (0.05 * np.std(speed) + 1e-9))
     remembered = np.column_stack([pressures, angle, direction])
     rates = [acceleration[:, None], np.gradient(pressures, step, axis=0)]
-    for time_constant in MEMORY:
-        keep = np.exp(-step / time_constant)
-        first = keep * remembered[:1]
-        rates.append(remembered - lfilter([1.0 - keep], [1.0, -keep], remembered, 0, first)[0])
+    rates += [remembered - past for past in _past(remembered, step)]
     signals = np.column_stack([pressures, angle, speed, direction, commands])
     return signals, np.concatenate(rates, axis=1), angle
 
