@@ -307,8 +307,8 @@ class JointStatics:
         The request is limited to the range of the pressures: first the torque to its reachable
         range, then the stiffness to the range that is reachable at this torque. Where more than
         two muscles leave a choice, the sum of squares of the pressures is the least. With models
-        that are not affine in pressure, more than two muscles may miss a stiffness near the end of
-        its range by a few per cent, which then counts as limited.
+        that are not affine in pressure, muscles of one side, or more than two, may miss a stiffness
+        near the end of its range by a few per cent, which then counts as limited.
 
         Parameters
         ----------
