@@ -36,6 +36,10 @@ RETRY_AFTER = 0.3  # s
 TURN = 0.1  # s; a signal is seen between two turns
 
 
+class NoAnswerError(PamError):
+    """A service of the driver has not answered in time."""
+
+
 class PlayerNode(Node):  # type: ignore[misc]
     """Publishes references for the joints of a rig; all but the first hold still."""
 
@@ -169,9 +173,20 @@ class PlayerNode(Node):  # type: ignore[misc]
         return bool(self._call(ChangeState, "pam_driver/change_state", request, check).success)
 
     def _state(self, check: Callable[[], None], timeout: float = ANSWER_TIMEOUT) -> Any:
-        """The present state of the driver, with `id` and `label`, within a time [s]."""
-        answer = self._call(GetState, "pam_driver/get_state", GetState.Request(), check, timeout)
-        return answer.current_state
+        """The present state of the driver, with `id` and `label`, within a time [s].
+
+        It is asked again: an answer is lost if the two processes do not know each other's half of
+        the service yet.
+        """
+        name, deadline = "pam_driver/get_state", time.monotonic() + timeout
+        while True:
+            left = deadline - time.monotonic()
+            patience = min(max(left, 0.0), ANSWER_TIMEOUT)
+            try:
+                return self._call(GetState, name, GetState.Request(), check, patience).current_state
+            except NoAnswerError:
+                if left <= ANSWER_TIMEOUT:
+                    raise PamError(f"{name}: no answer within {timeout:g} s") from None
 
     def _check_driver(self, check: Callable[[], None]) -> None:
         state = self._state(check)
@@ -211,7 +226,7 @@ class PlayerNode(Node):  # type: ignore[misc]
             rclpy.spin_once(self, timeout_sec=TURN)
         self.destroy_client(client)
         if not future.done():
-            raise PamError(f"{name}: no answer within {timeout:g} s")
+            raise NoAnswerError(f"{name}: no answer within {timeout:g} s")
         return future.result()
 
     def play(self, motion: DemoMotion, check: Callable[[], None], progress: Progress) -> float:
