@@ -16,7 +16,7 @@ from pam_control.controller_health import ControllerHealth
 from pam_demo.demo import SIMULATING, chosen_joint, perform
 from pam_demo.motions import arm_motion
 from pam_demo.player import NotPlayedError
-from pam_demo.player_node import NoAnswerError, PlayerNode
+from pam_demo.player_node import LostAnswerError, PlayerNode
 from pam_model.errors import PamError
 from pam_model.rig import load_rig
 from pam_sim import rig_node
@@ -121,7 +121,7 @@ class FaultyDriver:
     def answer(self, kind: Any, name: str, request: Any, check: Any, timeout: float = 0.0) -> Any:
         if self.lost:
             self.lost -= 1
-            raise NoAnswerError(f"{name}: no answer within {timeout:g} s")
+            raise LostAnswerError(f"{name}: no answer within {timeout:g} s")
         active = self.state == State.PRIMARY_STATE_ACTIVE
         if kind is GetState:
             return SimpleNamespace(current_state=SimpleNamespace(id=self.state, label="inactive"))

@@ -36,7 +36,7 @@ RETRY_AFTER = 0.3  # s
 TURN = 0.1  # s; a signal is seen between two turns
 
 
-class NoAnswerError(PamError):
+class LostAnswerError(PamError):
     """A service of the driver has not answered in time."""
 
 
@@ -184,7 +184,7 @@ class PlayerNode(Node):  # type: ignore[misc]
             patience = min(max(left, 0.0), ANSWER_TIMEOUT)
             try:
                 return self._call(GetState, name, GetState.Request(), check, patience).current_state
-            except NoAnswerError:
+            except LostAnswerError:
                 if left <= ANSWER_TIMEOUT:
                     raise PamError(f"{name}: no answer within {timeout:g} s") from None
 
@@ -226,7 +226,7 @@ class PlayerNode(Node):  # type: ignore[misc]
             rclpy.spin_once(self, timeout_sec=TURN)
         self.destroy_client(client)
         if not future.done():
-            raise NoAnswerError(f"{name}: no answer within {timeout:g} s")
+            raise LostAnswerError(f"{name}: no answer within {timeout:g} s")
         return future.result()
 
     def play(self, motion: DemoMotion, check: Callable[[], None], progress: Progress) -> float:
