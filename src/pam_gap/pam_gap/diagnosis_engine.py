@@ -240,8 +240,13 @@ class JointDiagnosis:
         beside = best.hypothesis.only(best.ordinary)
         return UnlistedFitter(self.fitter, self.folds).scores(nominal, singles, beside)
 
-    def flexible(self, nominal: HeldOut) -> HeldOut:
-        """Held-out score of a flexible law of the signals, in place of any law of the table."""
+    def flexible(self, nominal: HeldOut) -> HeldOut | None:
+        """Held-out score of a flexible law of the signals, in place of any law of the table.
+
+        None for a muscle on a bench: whatever is smooth follows a few lengths that are held.
+        """
+        if self.problem.is_bench:
+            return None
         errors = nominal.hypothesis.result.errors
         share = share_of_a_flexible_law(self.problem, self.folds, errors)
         return replace(nominal, sums=nominal.sums * (1.0 - share), unlisted=FLEXIBLE)
