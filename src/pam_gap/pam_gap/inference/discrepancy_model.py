@@ -32,10 +32,10 @@ PARTS = 4
 
 
 def _known(values: Array) -> Array:
-    """Values with those that were not measured replaced by the mean of their column."""
-    with np.errstate(invalid="ignore"):
-        mean = np.nan_to_num(np.nanmean(values, axis=0))
-    return np.where(np.isfinite(values), values, mean)
+    """Values with those that were not measured replaced by the mean of their column, or by 0."""
+    known = np.isfinite(values)
+    sums = np.where(known, values, 0.0).sum(axis=0)
+    return np.where(known, values, sums / np.maximum(known.sum(axis=0), 1))
 
 
 def _standardised(columns: Array) -> Array:
