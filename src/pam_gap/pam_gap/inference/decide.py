@@ -113,7 +113,7 @@ def _open_sets(choice: Choice, effects: Sequence[str]) -> tuple[tuple[str, ...],
 def decide[S: Score](evidence: Evidence[S], rules: Rules) -> Verdict[S]:
     """The verdict about this evidence, with these rules."""
     judge, nominal = judge_of(evidence, rules), evidence.nominal
-    tried = [evidence.settled.get(k, score) for k, score in enumerate(evidence.tried)]
+    tried = evidence.finalists
     found = posterior(evidence, rules)
     choice = _least_cost(found, nominal, judge)
     causes = _strongest_first(cause_probabilities(found, {*EFFECTS}), evidence.singles)
@@ -136,7 +136,7 @@ def decide[S: Score](evidence: Evidence[S], rules: Rules) -> Verdict[S]:
         judge=judge,
         chosen=known[0] if known else None,
         rivals=tuple(known[1:]),
-        tried=tuple(tried),
+        tried=tried,
         stage=stage,
         effects=effects,
         indistinguishable=_open_sets(choice, effects),

@@ -172,8 +172,7 @@ def _beliefs(evidence: Evidence[Any], rules: Rules) -> tuple[dict[str, float], d
     statement = rules.statement
     present = evidence.present
     noise, background = evidence.floor[present], evidence.background[present]
-    tried = [evidence.settled.get(place, score) for place, score in enumerate(evidence.tried)]
-    scores = [evidence.nominal, *tried, *evidence.unlisted]
+    scores = [evidence.nominal, *evidence.finalists, *evidence.unlisted]
     if evidence.flexible is not None:
         scores.append(evidence.flexible)
     left = np.array([score.mean_square[present] for score in scores])
@@ -207,7 +206,7 @@ def _beliefs(evidence: Evidence[Any], rules: Rules) -> tuple[dict[str, float], d
 
 def _leaves_most(evidence: Evidence[Any], rules: Rules, name: str) -> bool:
     """Whether all hypotheses with these causes leave most of a gap, and as much as matters."""
-    tried = [evidence.settled.get(place, score) for place, score in enumerate(evidence.tried)]
+    tried = evidence.finalists
     judge = judge_of(evidence, rules)
     usual = judge.usual(evidence.nominal, tried)
     same = [score for score in tried if " + ".join(sorted(score.causes)) == name]
