@@ -219,9 +219,9 @@ def posterior(evidence: Evidence[Any], rules: Rules) -> dict[str, float]:
     """Probability of each explanation, largest first; their names are those of diagnosis.json.
 
     A cause may have a second one beside it that is too small to be seen: it leaves the likelihood
-    as it is. Where the most probable causes leave most of the gap, and as much as matters, something
-    else is there, whether they are present or not: `unknown`. Explanations that are less probable
-    than `LEAST_KEPT` are left out, but neither `none` nor `unknown` is.
+    as it is. Where the most probable causes leave most of the gap, and as much as matters,
+    something else is there, whether they are present or not: `unknown`. Explanations that are less
+    probable than `LEAST_KEPT` are left out, but neither `none` nor `unknown` is.
 
     Parameters
     ----------
