@@ -275,30 +275,44 @@ def _one(rig: int, drawn: CalibrationRig, folder: Path) -> tuple[dict[str, Any],
     return what, rows
 
 
-def run(given: Arguments) -> Outcome:
-    """Draw, calibrate and score; the command of `pam_check.commands.calibration`."""
-    random = np.random.default_rng(given.seed)
-    folder = Path(given.out)
-    folder.mkdir(parents=True, exist_ok=True)
+def of_folder(folder: Path, seed: int) -> tuple[list[dict[str, Any]], list[Compared]]:
+    """What was found of all rigs of one seed whose results are in a folder."""
     rigs: list[dict[str, Any]] = []
     rows: list[Compared] = []
-    for rig in range(given.rigs):
-        what, compared = _one(rig, draw_rig(random), folder)
-        rigs.append(what)
-        rows += compared
+    for path in sorted(folder.glob("rig_*.json")):
+        one = json.loads(path.read_text(encoding="utf-8"))
+        if one["seed"] == seed:
+            rigs.append(one["rig"])
+            rows += [Compared(**row) for row in one["numbers"]]
+    return rigs, rows
+
+
+def run(given: Arguments) -> Outcome:
+    """Draw, calibrate and score; the command of `pam_check.commands.calibration`.
+
+    Each rig has random draws of its own, so that several processes can share a campaign.
+    """
+    folder = Path(given.out)
+    folder.mkdir(parents=True, exist_ok=True)
+    for rig in range(given.first, given.first + given.rigs):
+        drawn = draw_rig(np.random.default_rng([given.seed, rig]))
+        what, compared = _one(rig, drawn, folder)
         state = what["why"][0][:70] if what["refused"] else f"{1e3 * what['after']:.1f} mrad"
         print(
             f"{rig:3d} {what['exchanged'] or '-':20s} {what['seconds']:5.0f} s  {state}", flush=True
         )
-        result = score(rows, rigs)
-        (folder / "score.json").write_text(
+        (folder / f"rig_{rig:03d}.json").write_text(
             json.dumps(
-                {"seed": given.seed, "score": result, "rigs": rigs,
-                 "numbers": [asdict(one) for one in rows]},
+                {"seed": given.seed, "rig": what, "numbers": [asdict(one) for one in compared]},
                 indent=1,
             ),
             encoding="utf-8",
-        )  # fmt: skip
+        )
+    rigs, rows = of_folder(folder, given.seed)
+    result = score(rows, rigs)
+    (folder / "score.json").write_text(
+        json.dumps({"seed": given.seed, "score": result}, indent=1), encoding="utf-8"
+    )
     print(text_of(result))
     told, swapped = result["exchanged_told"]
     bad = [] if told == swapped else [f"{swapped - told} exchanges were not told"]

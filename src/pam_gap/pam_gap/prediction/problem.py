@@ -73,6 +73,9 @@ class PredictionSettings:
     # ones in every sample. The pressures always are where no valve commands were recorded.
     follow_motion: bool = False
     follow_pressures: bool = False
+    # whether the pressures are predicted along the measured motion, and motion and forces along the
+    # measured pressures, so that no error of one passes on to the other; it needs valve commands
+    apart: bool = False
     # if given, one more draw of the channels' noise is added to the measurements
     noise_seed: int | None = None
 
@@ -227,6 +230,13 @@ class PredictionProblem:
         """
         parts = []
         settings = self.usual if settings is None else settings
+        if settings.apart and self.has_commands:
+            alone = replace(settings, apart=False)
+            found = self.errors(values, replace(alone, follow_motion=True))
+            body = self.errors(values, replace(alone, follow_pressures=True))
+            others = np.delete(np.arange(N_CHANNELS), BOTH_PRESSURES)
+            found[..., others] = body[..., others]
+            return found
         followed = settings.follow_pressures or not self.has_commands
         rules = self.rules.prediction
         horizon = rules.horizon if settings.horizon is None else settings.horizon
@@ -324,6 +334,12 @@ class PredictionProblem:
         """The same problem with other numbers of the rig file, by plant parameter."""
         other = copy(self)
         other.base = self.base.forced(changes)
+        return other
+
+    def with_usual(self, usual: PredictionSettings) -> PredictionProblem:
+        """The same problem with predictions that are corrected in another way."""
+        other = copy(self)
+        other.usual = usual
         return other
 
     def with_step(self, step: float) -> PredictionProblem:
