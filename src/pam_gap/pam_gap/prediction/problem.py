@@ -111,17 +111,11 @@ def initial_state(constants: Array, sensors: Array, tables: object, data: Channe
     return y
 
 
-def restart_values(measured: Array, sample_time: float, *, between: bool = False) -> Array:
-    """Pressures, position and speed at every sample from local polynomials, shape (N, 4).
-
-    With `between`, the pressures are those half a sample later: a pressure that is set in every
-    sample and held until the next one would lag behind by this time.
-    """
+def restart_values(measured: Array, sample_time: float) -> Array:
+    """Pressures, position and speed at every sample from local polynomials, shape (N, 4)."""
     width = max(3, round(0.012 / sample_time) // 2 * 2 + 1)
     wide = 3 * width
     pressures = local_polynomial(measured[:, BOTH_PRESSURES], wide, 2)
-    if between:
-        pressures[:-1] = 0.5 * (pressures[:-1] + pressures[1:])
     angle = measured[:, POSITION : POSITION + 1]
     position = local_polynomial(angle, width, 1)
     rate = local_polynomial(angle, 2 * width + 1, 2, derivative=1, step=sample_time)
@@ -281,11 +275,7 @@ class PredictionProblem:
                 horizon=np.inf if followed else horizon,
                 position_bandwidth=settings.position_bandwidth,
                 window=window if window else round(settings.window_time / sample_time),
-                restart=restart_values(
-                    measured,
-                    sample_time,
-                    between=settings.follow_pressures and not settings.follow_motion,
-                )
+                restart=restart_values(measured, sample_time)
                 if settings.window_time > 0.0 or window
                 else None,
                 external=data.external,
