@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -177,6 +178,29 @@ def median(errors: Sequence[float]) -> float:
     return float(np.median(known)) if known else math.nan
 
 
+def by_number(rows: Sequence[Compared]) -> dict[str, dict[str, float]]:
+    """Median error, coverage and what is said, by key without the names of joint and muscle.
+
+    Errors and coverage are of numbers that are not kept; those of ratios, where a number has one.
+    """
+    found: dict[str, dict[str, float]] = {}
+    kind = {row.key: re.sub(r"^elbow(_flexor|_extensor)?\.", "", row.key) for row in rows}
+    for name in dict.fromkeys(kind.values()):
+        own = [row for row in rows if kind[row.key] == name]
+        said = [row for row in own if row.status != KEPT]
+        ratios = [row for row in said if math.isfinite(row.ratio_error)]
+        found[name] = {
+            "count": float(len(own)),
+            "kept": float(len(own) - len(said)),
+            "determined": float(sum(row.status == DETERMINED for row in own)),
+            "error": median([row.error for row in said]),
+            "covered": coverage([row.holds for row in said])["share"],
+            "ratio_error": median([row.ratio_error for row in ratios]),
+            "ratio_covered": coverage([row.ratio_holds for row in ratios])["share"],
+        }
+    return found
+
+
 def score(rows: Sequence[Compared], rigs: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """The figures of a campaign.
 
@@ -211,7 +235,22 @@ def score(rows: Sequence[Compared], rigs: Sequence[Mapping[str, Any]]) -> dict[s
         "withheld_before": median([rig["before"] for rig in right]),
         "withheld_after": median([rig["after"] for rig in right]),
         "seconds": max((rig["seconds"] for rig in rigs), default=math.nan),
+        "by_number": by_number(rows),
     }
+
+
+def table_of(numbers: Mapping[str, Mapping[str, float]]) -> list[str]:
+    """The figures of each number as lines; errors of angles in mrad, of all others in %."""
+    head = "number, kept of all, determined, error, interval holds, error of the ratio, it holds"
+    lines = [head]
+    for name, one in numbers.items():
+        error = (1e3 if name.endswith("angle") else 1e2) * one["error"]
+        lines.append(
+            f"{name:24s} {one['kept']:3.0f} of {one['count']:3.0f} {one['determined']:3.0f} "
+            f"{error:6.1f} {100 * one['covered']:4.0f} % {100 * one['ratio_error']:6.1f} "
+            f"{100 * one['ratio_covered']:4.0f} %"
+        )
+    return lines
 
 
 def text_of(result: Mapping[str, Any]) -> str:
@@ -240,6 +279,7 @@ def text_of(result: Mapping[str, Any]) -> str:
             f"{1e3 * result['withheld_before']:.0f} mrad as written, "
             f"{1e3 * result['withheld_after']:.1f} mrad calibrated",
             f"processor time of the slowest calibration: {result['seconds']:.0f} s",
+            *table_of(result["by_number"]),
         ]
     )
 
