@@ -162,9 +162,9 @@ def with_small_steps(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Cali
     )
     assert found.rig is not None
     numbers = {one.key: one for one in found.numbers}
-    for muscle in ("elbow_flexor", "elbow_extensor"):
+    for muscle, own in (("elbow_flexor", first), ("elbow_extensor", second)):
         lag = numbers[f"{muscle}.valve.time_constant"]
-        assert lag.value == pytest.approx(first.time_constant, rel=0.12)
+        assert lag.value == pytest.approx(own.time_constant, rel=0.12)
         damping = numbers[f"{muscle}.valve.damping"]
         assert damping.written is None
         assert found.rig.muscle(muscle).valve.damping == damping.value
