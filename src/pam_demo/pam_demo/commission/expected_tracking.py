@@ -77,7 +77,7 @@ class NoisyPort:
 
 @dataclass(frozen=True, slots=True)
 class Expected:
-    """What the tracking test gives on robots that are as identified."""
+    """What the tracking test gives on robots that the recordings permit."""
 
     # RMS error on each of them [rad], the smallest first; infinite where it was not followed
     errors: tuple[float, ...]
@@ -141,7 +141,7 @@ def doubt(measured: float, on_robots: Expected, numbers: Sequence[CalibratedNumb
     measured : float
         RMS error of the tracking test [rad].
     on_robots : Expected
-        The same test on robots that are as identified.
+        The same test on robots that the recordings permit.
     numbers : sequence of CalibratedNumber
         Of the last identification.
     """
