@@ -7,30 +7,24 @@ import json
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 import pytest
 import yaml
 
 import pam_demo.commission.sequence as sequence_module
-from pam_control.controller import Controller
-from pam_control.settings import ControlSettings
 from pam_demo.__main__ import main
-from pam_demo.commission import expected_tracking
 from pam_demo.commission.commission import run, to_document, write_results
 from pam_demo.commission.commissioned import Commissioned
 from pam_demo.commission.kept import Kept
 from pam_demo.commission.lower_priority import NICENESS, at_lower_priority
 from pam_demo.commission.page import render
 from pam_demo.commission.sequence import Commissioning, EndedError
-from pam_demo.commission.tracking import controller_for, reaches
+from pam_demo.commission.tracking import reaches
 from pam_gap.calibration.calibration import Calibration
 from pam_gap.calibration.free_numbers import Said
-from pam_gap.calibration.posterior import Posterior
 from pam_model.errors import PamError
 from pam_model.rig import Rig, load_rig
 from pam_model.rig.partial import load_partial_rig
@@ -316,64 +310,3 @@ def test_a_computer_that_stands_still_in_every_motion_is_the_reason(
 ) -> None:
     done, _ = begin(PausingPort(elbow, tuple(range(FILLING, 10**5, 40))))
     assert "filling: the computer stood still for 0.30 s" in done.ended
-
-
-@pytest.fixture(scope="module")
-def settings(elbow: Rig) -> ControlSettings:
-    """Those of the elbow, with its gains."""
-    return controller_for(WiredPort(elbow), elbow).settings
-
-
-@pytest.mark.parametrize("second", [1.0, 1.3, None])
-def test_a_joint_that_tracks_worse_than_it_could_learns_from_its_test(
-    elbow: Rig,
-    rough: Path,
-    tmp_path: Path,
-    settings: ControlSettings,
-    monkeypatch: pytest.MonkeyPatch,
-    second: float | None,
-) -> None:
-    """`second`: inertia of the second identification over the true one; None where none is made."""
-    found = Posterior((), np.zeros(0), np.zeros((0, 0)))
-    read: list[list[str]] = []
-
-    def identified(factor: float | None) -> Calibration:
-        joint = elbow.joints[0]
-        rig = elbow.with_joint(replace(joint, inertia=(factor or 1.0) * joint.inertia))
-        return Calibration(
-            "elbow", rig=rig if factor else None, posterior=found,
-            refused=() if factor else ("No numbers explain it.",),
-        )  # fmt: skip
-
-    def again(_: object, _joint: int, recordings: list[Any], *_rest: Any, **__: Any) -> Calibration:
-        read.append([f"{one.source}" for one in recordings])
-        assert np.ptp(recordings[-1].values["joint_states.elbow.position"]) > 0.5
-        return identified(second)
-
-    monkeypatch.setattr(sequence_module, "calibrate_joint", again)
-    monkeypatch.setattr(
-        sequence_module, "controller_for", lambda _port, rig: Controller(rig, settings)
-    )
-    monkeypatch.setattr(expected_tracking, "ROBOTS", 1)
-    monkeypatch.setattr(expected_tracking, "TIMES", 1)
-    said: list[str] = []
-    kept = Kept(tmp_path / "out", "")
-    partial = load_partial_rig(rough)
-    commissioning = Commissioning(
-        WiredPort(elbow), partial, SAID, kept, said.append, lambda _: True
-    )
-    commissioning.result.calibration = identified(0.65)
-    commissioning.result.rig = commissioning.result.calibration.rig
-    commissioning._track({})
-    assert read == [["tracking"]]
-    tests = [float(line.split()[2]) for line in said if line.startswith("tracking error")]
-    done = commissioning.result
-    assert done.rig is not None
-    assert done.after is not None
-    assert 1e3 * done.after.rms == pytest.approx(min(tests), abs=0.01)
-    factor = done.rig.joints[0].inertia / elbow.joints[0].inertia
-    assert factor == pytest.approx(1.0 if second == 1.0 else 0.65)
-    assert bool(done.doubt) == (second != 1.0)
-    assert any("stay as they were" in line for line in said) == (second != 1.0)
-    assert len(tests) == (1 if second is None else 2)
-    assert "valve_commands.elbow_flexor" in pd.read_csv(kept.folder / "recordings/tracking.csv")

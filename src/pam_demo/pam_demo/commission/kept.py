@@ -91,23 +91,19 @@ class Kept:
 
     def add(self, name: str, table: pd.DataFrame) -> None:
         """Keep a complete recording."""
-        self.keep(name, table)
+        table.to_csv(self._path(name), index=False, float_format="%.7g")
         self.seconds += float(table["time"].iloc[-1])
         self._names.append(name)
         self._write()
 
     def failed(self, name: str, table: pd.DataFrame) -> None:
         """Keep the recording of a motion that was ended, which is not used."""
-        self.keep(f"{name}_ended", table)
+        table.to_csv(self._path(f"{name}_ended"), index=False, float_format="%.7g")
         self.seconds += float(table["time"].iloc[-1]) if len(table) else 0.0
         self._write()
 
-    def keep(self, name: str, table: pd.DataFrame) -> None:
-        """Write a recording that a later commissioning does not need, because it makes it again."""
-        table.to_csv(self._path(name), index=False, float_format="%.7g")
-
     def track(self, name: str, table: pd.DataFrame) -> None:
         """Keep a tracking test."""
-        self.keep(f"tracking_{name}", table)
+        table.to_csv(self._path(f"tracking_{name}"), index=False, float_format="%.7g")
         self.seconds += float(table["time"].iloc[-1]) if len(table) else 0.0
         self._write()

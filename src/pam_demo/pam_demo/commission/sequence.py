@@ -73,7 +73,7 @@ from pam_model.rig.partial import PartialRig
 
 Tell = Callable[[str], None]
 Ask = Callable[[str], bool]
-FILLING, WITHHELD, TEST = "filling", "withheld", "tracking"
+FILLING, WITHHELD = "filling", "withheld"
 COARSE: Final = 2.0
 """Sample time of the recordings between two motions, over the period of the port."""
 QUICK: Final = CalibrationRules(rounds=1, last_steps=6, kept_steps=2)
@@ -91,6 +91,8 @@ fit."""
 LEAST_SHARE: Final = 0.1
 WAY_TIME: Final = (0.6, 0.8, 1.1, 1.5, 2.0, 3.0)
 """Durations of a way as long as the reach that the tracking test tries, the fastest first [s]."""
+TRACKING_SHARES: Final = (0.9, 0.6, 0.9)
+"""Shares of the limits that a foreseen tracking test may use: pressure, speed, distance."""
 
 
 class EndedError(PamError):
@@ -127,7 +129,7 @@ class Commissioning:
                     rig = result.calibration.rig
                     known = narrowed(known, result.calibration.numbers)
             result.rig = rig
-            self._track(seen)
+            self._track()
         except EndedError as error:
             result.ended = str(error)
             result.rig = None
@@ -299,7 +301,7 @@ class Commissioning:
         if found.refused:
             self.tell(f"nothing identified yet: {' '.join(found.refused)}")
 
-    def _track(self, seen: Mapping[str, pd.DataFrame]) -> None:
+    def _track(self) -> None:
         """The tracking test with the identified rig, and with the rig file as it was."""
         result, port = self.result, self.port
         assert result.rig is not None
@@ -309,62 +311,26 @@ class Commissioning:
         except PamError as error:
             result.after = not_possible(error)
             raise EndedError(f"no safe controller for the identified numbers: {error}") from None
+        result.gains = designed_gains(controller)
         for time in WAY_TIME:
             points = reaches(scale.middle, scale.reach, time)
-            if self._simulated(result.rig, controller, points, limits).is_permitted:
+            model = self._simulated(result.rig, controller, points, limits)
+            if _permitted(model):
                 break
         else:
             raise EndedError("no tracking test is within the limits of the identified robot")
         result.points = points
-        self._test("after", controller, limits, "follow a motion with the identified rig file")
-        if result.doubt:
-            self._learn_from_test(seen, limits)
+        result.after = self._uninterrupted(
+            "follow a motion with the identified rig file",
+            partial(track, port, controller, points, limits),
+        )
+        self.kept.track("after", result.after.table)
+        self.tell(f"tracking error: {1e3 * result.after.rms:.2f} mrad RMS")
         result.before = self._before(points, limits)
         self.kept.track("before", result.before.table)
-        assert result.after is not None
         if result.after.stopped:
             raise EndedError(f"tracking test: {result.after.stopped}")
-
-    def _test(self, name: str, controller: Controller, limits: Limits, what: str) -> None:
-        """Make the tracking test with the identified rig, and judge it."""
-        result, points = self.result, self.result.points
-        result.gains = designed_gains(controller)
-        result.after = self._uninterrupted(
-            what, partial(track, self.port, controller, points, limits)
-        )
-        self.kept.track(name, result.after.table)
-        self.tell(f"tracking error: {1e3 * result.after.rms:.2f} mrad RMS")
-        if not result.after.stopped:
-            self._judge(lambda simulated: track(simulated, controller, points, limits))
-
-    def _learn_from_test(self, seen: Mapping[str, pd.DataFrame], limits: Limits) -> None:
-        """Identify all numbers once more, with the test as a further recording, and test again.
-
-        The test shows the numbers in the motion in which they count. The better file is kept.
-        """
-        result = self.result
-        first = replace(result)
-        assert first.after is not None
-        self.kept.keep(TEST, first.after.recording)
-        self.tell("the numbers are identified once more, with the test as a further recording")
-        try:
-            self._identify({**seen, TEST: first.after.recording}, FULL)
-            assert result.calibration is not None
-            assert result.calibration.rig is not None
-            result.rig = result.calibration.rig
-            controller = self.compute(partial(controller_for, self.port, result.rig))
-            problem = ""
-            simulated = self._simulated(result.rig, controller, result.points, limits)
-            if not simulated.is_permitted:
-                problem = "the test would come too near to a limit"
-        except PamError as error:  # nothing is lost, because there are numbers already
-            problem = str(error)
-        if not problem:
-            self._test("again", controller, limits, "follow the motion with the new numbers")
-        if problem or result.after is None or not result.after.rms < first.after.rms:
-            self.tell(f"the numbers stay as they were before: {problem or 'they track better'}")
-            result.rig, result.calibration, result.gains = first.rig, first.calibration, first.gains
-            result.after, result.expected, result.doubt = first.after, first.expected, first.doubt
+        self._judge(lambda simulated: track(simulated, controller, points, limits))
 
     def _judge(self, test: Callable[[NoisyPort], Tracked]) -> None:
         """Whether the joint tracks as it should with the numbers that were identified."""
@@ -396,13 +362,19 @@ class Commissioning:
             return not_possible(error)
         assert self.result.rig is not None
         model = self._simulated(self.result.rig, controller, points, limits)
-        if not model.is_permitted:
+        if not _permitted(model):
             reason = model.stopped or "too near to the limits"
             return replace(model, stopped=f"only simulated, on the identified robot: {reason}")
         return self._uninterrupted(
             "follow the same motion with the rig file as it was",
             partial(track, self.port, controller, points, limits),
         )
+
+
+def _permitted(tracked: Tracked) -> bool:
+    return not tracked.stopped and all(
+        share <= most for share, most in zip(tracked.most, TRACKING_SHARES, strict=True)
+    )
 
 
 def as_recording(table: pd.DataFrame, name: str, step: float | None = None) -> Recording:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -34,8 +34,6 @@ STEP: Final = 0.02  # s between waypoints
 REST: Final = 1.0  # s, at the start of the motion
 AHEAD: Final = 0.5  # s, in which the joint rests, because to plan a motion takes some periods
 COLUMNS: Final = ("time", "reference", "position")
-FORESEEN_SHARES: Final = (0.9, 0.6, 0.9)
-"""Shares of the limits that a foreseen tracking test may use: pressure, speed, distance."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,17 +46,8 @@ class Tracked:
     largest: float
     stopped: str  # why it was not; empty if it was
     table: pd.DataFrame  # time [s], reference and measured angle [rad] in the motion
-    # the whole test by channels, as a motion is recorded
-    recording: pd.DataFrame = field(default_factory=pd.DataFrame)
     # largest measured use of the limits: pressure, speed, distance from the middle [-]
     most: tuple[float, float, float] = (math.nan, math.nan, math.nan)
-
-    @property
-    def is_permitted(self) -> bool:
-        """Whether a test that is foreseen to be like this one may be made."""
-        return not self.stopped and all(
-            share <= most for share, most in zip(self.most, FORESEEN_SHARES, strict=True)
-        )
 
 
 def reaches(middle: float, reach: float, duration: float) -> list[TrajectoryPoint]:
@@ -152,7 +141,7 @@ def track(
     begin = reading.time + SETTLE + APPROACH + REST
     due = [(reading.time + SETTLE, way), (begin, list(points))]
     end = begin + points[-1].time_from_start
-    followed, recording = False, pd.DataFrame()
+    followed = False
     try:
         while reading.time <= end and not stopped:
             now = reading.time
@@ -173,7 +162,7 @@ def track(
             commands = (output.commands[0], output.commands[1])
             reading = port.advance(commands)
             log.add(reading, commands)
-        followed, recording = bool(rows) and not stopped, log.table()
+        followed = bool(rows) and not stopped
     finally:  # also at Ctrl-C
         if followed:
             _lower_by(port, controller, reading)
@@ -187,7 +176,6 @@ def track(
         float(np.abs(error).max()) if followed else math.inf,
         stopped,
         table,
-        recording,
         (pressure, speed, place),
     )
 
