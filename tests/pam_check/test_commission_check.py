@@ -12,7 +12,9 @@ from pam_check.blind.variety import Variety
 from pam_check.calibration import commission_campaign
 from pam_check.calibration.commission_campaign import (
     Result,
+    _apart,
     _both_files,
+    _together,
     _use_of_limits,
     score,
     true_rig_file,
@@ -97,15 +99,15 @@ def test_both_files_are_tried_on_the_same_robot_at_the_same_moment(
     port = TruthPort(drawn, "", PERIOD, 60.0, 0)
     scale = scale_of(true, PERIOD)
     done = Commissioned(rig=true, points=reaches(scale.middle, scale.reach, 0.8))
-    after, best, apart = _both_files(port, done, true, "")
-    assert math.isfinite(after)
-    assert after == best  # the same numbers, and also the same noise
-    assert apart == 0.0
+    found, best = _both_files(port, done, true, "")
+    assert math.isfinite(_together(found))
+    assert _together(found) == _together(best)  # the same numbers, and also the same noise
+    assert _apart(found, best) == 0.0
     assert port.seconds == 0.0
     done.rig = None
-    ended, again, _ = _both_files(port, done, true, "")
-    assert math.isinf(ended)
-    assert again == best
+    ended, again = _both_files(port, done, true, "")
+    assert math.isinf(_together(ended))
+    assert _together(again) == _together(best)
 
 
 def test_what_does_not_track_has_to_say_why() -> None:

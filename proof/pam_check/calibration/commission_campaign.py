@@ -77,6 +77,8 @@ class Result:
     after, true : float
         RMS error of `TESTS` tracking tests with the identified and the true rig file [rad];
         infinite where one was not followed.
+    tests : (tuple of float, tuple of float)
+        RMS error of each of these tests, with the identified and with the true rig file [rad].
     measured, before : float
         RMS error that the commissioning measured in its test with the identified and with the rough
         rig file [rad]; infinite where it was not followed.
@@ -105,6 +107,7 @@ class Result:
     contact: bool
     after: float = math.nan
     true: float = math.nan
+    tests: tuple[tuple[float, ...], tuple[float, ...]] = ((), ())
     measured: float = math.nan
     before: float = math.nan
     told: str = ""
@@ -240,33 +243,35 @@ def commission(
         if done.expected is not None:
             result.expected, result.known = done.expected.errors, done.expected.known
         result.before = done.before.rms if done.before else math.nan
-        result.after, result.true, result.apart = _both_files(
-            port, done, true_rig_file(partial.rig, drawn), what
-        )
+        both = _both_files(port, done, true_rig_file(partial.rig, drawn), what)
+        result.after, result.true = map(_together, both)
+        found, true = (tuple(one.rms for one in tests) for tests in both)
+        result.tests, result.apart = (found, true), _apart(*both)
     (folder / f"{rig:03d}" / "told.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
     return result, done
 
 
 def _both_files(
     port: TruthPort, done: Commissioned, true: Rig, exchanged: str
-) -> tuple[float, float, float]:
-    """RMS errors with the identified file and with the numbers that nobody knows [rad].
-
-    The third number is the largest difference between the references that both let the controller
-    follow [rad].
-    """
+) -> tuple[list[Tracked], list[Tracked]]:
+    """The tests with the identified file, if there is one, and with that of the true numbers."""
     mend = MENDS.get(exchanged)
     if mend is Mend.ENCODER:  # the angle counts as the encoder does
         true = rewired(PartialRig(true), mend).rig
     found = _tests(port, done.rig, done.points, mend) if done.rig is not None else []
-    both = found, _tests(port, true, done.points, mend)
-    after, best = (
-        math.sqrt(np.mean([one.rms**2 for one in tests])) if tests else math.inf for tests in both
-    )
-    references = [tests[0].table["reference"].to_numpy() for tests in both if tests]
+    return found, _tests(port, true, done.points, mend)
+
+
+def _together(tests: Sequence[Tracked]) -> float:
+    """RMS error of several tests [rad]; infinite without any."""
+    return math.sqrt(np.mean([one.rms**2 for one in tests])) if tests else math.inf
+
+
+def _apart(found: Sequence[Tracked], true: Sequence[Tracked]) -> float:
+    """Largest difference between the references that both files let the controller follow [rad]."""
+    references = [tests[0].table["reference"].to_numpy() for tests in (found, true) if tests]
     count = min(map(len, references))
-    apart = np.ptp([one[:count] for one in references], axis=0).max(initial=0.0)
-    return after, best, float(apart)
+    return float(np.ptp([one[:count] for one in references], axis=0).max(initial=0.0))
 
 
 def _tests(
