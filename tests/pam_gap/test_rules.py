@@ -74,7 +74,6 @@ NO_RULES = {
     "K_LAG_SHARES": "layout",
     "UNKNOWN_SIZES": "accuracy of a sum",
     "LEAST_KEPT": "accuracy of a sum",
-    "MOST_WITH_HIDDEN": "work for an answer: a third hidden cause changes nothing that is said",
     "CONSIDERED": "work for an answer: less probable sets of causes cannot be in it",
     "MOST_ALTERNATIVES": "of an answer that people read",
 }
