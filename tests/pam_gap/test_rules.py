@@ -69,6 +69,7 @@ NO_RULES = {
     "HEAVY": "stands for infinite",
     "LONG": "of an invented muscle that is not compared",
     "LITTLE": "stands for no air",
+    "KNOTS": "accuracy of an interpolation",
     "WORTH": "work for which a kernel is compiled, which changes no result",
     "SWITCH_INTERVAL": "time, which changes no result",
     "K_LAG_SHARES": "layout",
