@@ -9,8 +9,12 @@ import numpy as np
 import pytest
 
 from pam_check.blind.variety import Variety
+from pam_check.calibration import commission_campaign
 from pam_check.calibration.commission_campaign import (
     Result,
+    _apart,
+    _both_files,
+    _together,
     _use_of_limits,
     score,
     true_rig_file,
@@ -23,7 +27,10 @@ from pam_check.calibration.drawn_rig import (
     written_numbers,
 )
 from pam_check.calibration.truth_port import TruthPort
+from pam_demo.commission.commissioned import Commissioned
+from pam_demo.commission.motion_loop import scale_of
 from pam_demo.commission.play import start_up_check, touch
+from pam_demo.commission.tracking import reaches
 from pam_demo.commission.watch import Limits
 from pam_model.rig import Rig, rig_from_parameters
 
@@ -84,8 +91,27 @@ def test_use_of_limits_is_that_of_the_true_robot(drawn: TrueRig) -> None:
     assert not contact
 
 
+def test_both_files_are_tried_on_the_same_robot_at_the_same_moment(
+    drawn: TrueRig, written: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(commission_campaign, "TESTS", 1)
+    true = true_rig_file(written, drawn)
+    port = TruthPort(drawn, "", PERIOD, 60.0, 0)
+    scale = scale_of(true, PERIOD)
+    done = Commissioned(rig=true, points=reaches(scale.middle, scale.reach, 0.8))
+    found, best = _both_files(port, done, true, "")
+    assert math.isfinite(_together(found))
+    assert _together(found) == _together(best)  # the same numbers, and also the same noise
+    assert _apart(found, best) == 0.0
+    assert port.seconds == 0.0
+    done.rig = None
+    ended, again = _both_files(port, done, true, "")
+    assert math.isinf(_together(ended))
+    assert _together(again) == _together(best)
+
+
 def test_what_does_not_track_has_to_say_why() -> None:
-    good = Result(0, "", "", 200.0, 60.0, 0.7, 0.4, False, 1.2e-3, 5e-3, 1e-3)
+    good = Result(0, "", "", 200.0, 60.0, 0.7, 0.4, False, 1.2e-3, 1e-3)
     silent = replace(good, after=2e-3)
     ended = replace(good, ended="the valve is stuck", after=math.nan)
     warned = replace(silent, warned="worse than its numbers predict")

@@ -111,11 +111,26 @@ def test_a_joint_that_is_worse_than_its_numbers_predict_is_told_with_what_to_do(
 def test_numbers_that_leave_the_tracking_open_are_told(
     numbers: tuple[CalibratedNumber, ...],
 ) -> None:
-    wide = Expected((1e-3, 2e-3, math.inf), (KEYS[1],))
-    text = doubt(3.1e-3, wide, numbers)
+    wide = Expected((1e-3, 2e-3, math.inf), (KEYS[1],), 1.2e-3)
+    text = doubt(1.9e-3, wide, numbers)
     assert "1.00 mrad to a test that is not followed to its end" in text
+    assert "a robot with exactly these numbers would track with 1.20 mrad" in text
     assert "elbow.viscous_friction (faster motion that overshoots" in text
-    assert not doubt(2.9e-3, wide, numbers)
+    assert not doubt(1.7e-3, wide, numbers)
+
+
+def test_what_known_numbers_give_does_not_grow_with_what_is_left_open(
+    elbow: Rig,
+    posterior: Posterior,
+    on_robots: Expected,
+    test_of: Callable[[NoisyPort], Tracked],
+) -> None:
+    open_ones = replace(posterior, covariance=np.diag([0.5, 0.3]) ** 2)
+    wide = expected(elbow, open_ones, NOISE, PERIOD, test_of)
+    assert wide.errors[len(wide.errors) // 2] > 1.5 * on_robots.errors[len(on_robots.errors) // 2]
+    assert wide.known == pytest.approx(on_robots.known, rel=0.1)
+    # the error of the middle robot is nothing that a joint should have
+    assert doubt(wide.errors[len(wide.errors) // 2], wide, ())
 
 
 def test_robots_are_drawn_from_combinations_that_a_log_fixes(posterior: Posterior) -> None:

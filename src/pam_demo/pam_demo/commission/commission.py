@@ -98,7 +98,11 @@ def to_document(joint: str, done: Commissioned) -> dict[str, Any]:
         "tracking": {"before": _tracked(done.before), "after": _tracked(done.after)},
         "expected": None
         if done.expected is None
-        else {"rms": _finite(done.expected.errors), "unit": "rad"},
+        else {
+            "rms": _finite(done.expected.errors),
+            "known": _finite([done.expected.known])[0],
+            "unit": "rad",
+        },
         "doubt": done.doubt,
         "calibration": None if done.calibration is None else to_json(done.calibration),
     }

@@ -42,6 +42,6 @@ class Commissioned:
     seconds: float = 0.0  # time of the recordings [s]
     # what was exchanged, as the new rig file describes it; empty if nothing was
     exchanged: str = ""
-    expected: Expected | None = None  # the tracking test on simulated robots that are as identified
+    expected: Expected | None = None  # the tracking test on simulated robots
     # why the tracking is not as good as it should be, or is not known well; empty if it is
     doubt: str = ""

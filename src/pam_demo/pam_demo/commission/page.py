@@ -46,7 +46,10 @@ def _expected(on_robots: Expected | None) -> str:
     if on_robots is None:
         return ""
     ends = f"{_mrad(on_robots.errors[0])} to {_mrad(on_robots.errors[-1])}"
-    return f"On simulated robots that are as identified, the test gives {ends} mrad RMS."
+    return (
+        f"On simulated robots that the recordings permit, the test gives {ends} mrad RMS, and on "
+        f"one with exactly the identified numbers {_mrad(on_robots.known)} mrad."
+    )
 
 
 def plot_of(before: Tracked | None, after: Tracked | None, width: float) -> Figure:

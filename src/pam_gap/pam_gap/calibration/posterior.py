@@ -30,6 +30,18 @@ class Posterior:
         found = zip(self.numbers, self.values.tolist(), strict=True)
         return {one.key: value for one, value in found if one.is_ordinary}
 
+    @property
+    def identified(self) -> dict[str, float]:
+        """The robot that is exactly as identified, as changes of plant parameters."""
+        return self._robot(self.values)
+
+    def _robot(self, values: Array) -> dict[str, float]:
+        return {
+            name: value
+            for one, value in zip(self.numbers, values.tolist(), strict=True)
+            for name in one.targets
+        }
+
     def robots(self, count: int, random: np.random.Generator) -> list[dict[str, float]]:
         """Robots as the log permits them, as changes of plant parameters.
 
@@ -49,12 +61,6 @@ class Posterior:
         for _ in range(count):
             change = root @ random.normal(size=self.values.size)
             grown = self.values * np.exp(np.where(logs, change, 0.0))
-            drawn = np.clip(np.where(logs, grown, self.values + change), low, high).tolist()
-            found.append(
-                {
-                    name: value
-                    for one, value in zip(self.numbers, drawn, strict=True)
-                    for name in one.targets
-                }
-            )
+            drawn = np.clip(np.where(logs, grown, self.values + change), low, high)
+            found.append(self._robot(drawn))
         return found
