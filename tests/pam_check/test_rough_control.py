@@ -123,7 +123,7 @@ def test_what_is_learnt_takes_the_place_of_the_integral_without_a_push(rough):
 
 @pytest.mark.parametrize("effect", ["viscous_friction", "end_caps"])
 def test_a_torque_whose_law_is_among_the_functions_is_learnt_in_the_first_stroke(rough, effect):
-    """What the data show counts from the first samples on: 0.7 and 0.8 mrad where it had to wait."""
+    """The data count from the first samples on: 0.7 and 0.8 mrad where they had to wait."""
     rough.controller.forget_adaptation()
     played, _ = play(rough.controller, *rough.hidden(effect), rough.motions["arm"], 5)
     assert played.rms < 0.6e-3
