@@ -13,6 +13,7 @@ from pam_check.blind.sensitivity import Campaign
 from pam_gap.inference.decide import decide
 from pam_gap.inference.evidence import Evidence
 from pam_gap.inference.posterior import Choice, least_cost, log_likelihood, posterior
+from pam_gap.inference.probabilities import cause_probabilities
 from pam_gap.inference.score import Score
 from pam_gap.rules import DEFAULT
 from pam_gap.rules.statement import STATEMENT
@@ -71,6 +72,14 @@ def test_with_or_without_a_second_cause_is_one_answer() -> None:
     found = decide(evidence(9.0, score(("creep",), 1.15), both), DEFAULT)
     assert found.verdict == "ambiguous"
     assert found.indistinguishable == (("leakage",),)
+
+
+def test_a_cause_may_have_a_second_one_that_nobody_can_see() -> None:
+    """It is certain that the cause is there, and less so that it is alone."""
+    found = posterior(evidence(30.0, score(("pulley_radius",), 0.5)), DEFAULT)
+    alone = found["pulley_radius"]
+    assert 0.8 < alone <= 1.0 - STATEMENT.hidden
+    assert cause_probabilities(found, {"pulley_radius"})["pulley_radius"] > alone + 0.05
 
 
 def test_a_second_cause_must_pay_for_its_prior() -> None:

@@ -9,6 +9,7 @@ import pytest
 from pam_gap.answer.write_answer import AnswerForm
 from pam_gap.diagnosis_engine import NOT_IMPROVED, JointDiagnosis
 from pam_gap.inference.candidates import candidates_for, ordinary_sizes
+from pam_gap.inference.confidence import NORMAL_90
 from pam_gap.inference.held_out import HeldOut, score_held_out
 from pam_gap.inference.hypothesis import FitTask
 from pam_gap.inference.improved_fit import improved_fit, left_over, ordinary_members
@@ -142,7 +143,7 @@ def test_the_interval_of_a_parameter_spans_both_fits_and_the_accuracy_of_the_law
         assert one.value != other.value
         found = parameter.interval
         assert found.value == one.value
-        exact = form.rules.law_accuracy * one.value
+        exact = NORMAL_90 * form.judge.rules.statement.sharp_law_error * one.value
         assert found.low == min(one.low, other.low, one.value - exact)
         assert found.high == max(one.high, other.high, one.value + exact)
         assert found.low <= DELAY[f"{name.split('.')[1]}.command_delay.delay"] <= found.high

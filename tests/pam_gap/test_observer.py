@@ -6,7 +6,7 @@ import numpy as np
 
 from pam_gap.prediction.channel_order import BOTH_PRESSURES, POSITION
 from pam_gap.prediction.fit import mean_squares
-from pam_gap.prediction.problem import DIVERGED, PredictionProblem
+from pam_gap.prediction.problem import DIVERGED, PredictionProblem, PredictionSettings
 from pam_model.plant.parameters import INDEX
 from pam_model.rig import Rig
 
@@ -33,3 +33,11 @@ def test_a_simulation_that_diverges_is_far_off_and_never_without_an_error(rig: R
     assert np.isfinite(diverged[:, problem.present]).all()
     left = mean_squares(diverged, problem.counted)
     assert left[POSITION] > (0.9 * DIVERGED) ** 2
+
+
+def test_motion_along_the_measured_pressures_is_that_of_the_plant(rig: Rig, record) -> None:
+    """Pressures that are held from sample to sample are half a sample late: 37 noises off."""
+    problem = PredictionProblem(rig, 0, [record(duration=10.0)])
+    along = PredictionSettings(follow_pressures=True)
+    left = mean_squares(problem.errors(problem.base.values[None], along)[0], problem.counted)
+    assert np.sqrt(left[POSITION]) < 6.0

@@ -69,12 +69,12 @@ NO_RULES = {
     "HEAVY": "stands for infinite",
     "LONG": "of an invented muscle that is not compared",
     "LITTLE": "stands for no air",
+    "KNOTS": "accuracy of an interpolation",
     "WORTH": "work for which a kernel is compiled, which changes no result",
     "SWITCH_INTERVAL": "time, which changes no result",
     "K_LAG_SHARES": "layout",
     "UNKNOWN_SIZES": "accuracy of a sum",
     "LEAST_KEPT": "accuracy of a sum",
-    "MOST_WITH_HIDDEN": "work for an answer: a third hidden cause changes nothing that is said",
     "CONSIDERED": "work for an answer: less probable sets of causes cannot be in it",
     "MOST_ALTERNATIVES": "of an answer that people read",
 }

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from pam_gap.answer.sentences import rivals_at_the_end, sizes_at_the_end
 from pam_gap.inference.candidates import Candidate, candidates_for
-from pam_gap.inference.hypothesis import Hypothesis, HypothesisFitter
+from pam_gap.inference.hypothesis import FitTask, Hypothesis, HypothesisFitter
 from pam_gap.prediction.fit import PlantFit
 from pam_gap.prediction.problem import PredictionProblem
+from pam_gap.rules import DEFAULT
 from pam_gap.search.candidate_search import CandidateSearch
+from pam_gap.search.effect_search import EffectSearch
 from pam_model.rig import Rig
 
 DRY = {"coulomb_friction.torque": 0.6, "pulley_radius.scale": 1.15}
@@ -66,6 +71,47 @@ def test_a_simple_law_beside_another_cause_is_compared_with_its_richer_law(
     rich = min(search._twins([pair]), key=search.level)
     assert rich.effects == ("stribeck_friction", "pulley_radius")
     assert search.level(rich) < search.level(pair) - 1.0
+
+
+class FitsByName:
+    """Fits whose errors depend on nothing but their effects."""
+
+    def __init__(self, left: dict[frozenset[str], float]) -> None:
+        self.left = left
+        self.rules = DEFAULT
+        self.problem = SimpleNamespace(present=np.ones(5, dtype=bool))
+        self.floor = np.ones(5)
+        self.nuisances = ()
+
+    def fit_all(self, tasks: Sequence[FitTask]) -> list[Hypothesis]:
+        found = []
+        for task in tasks:
+            mean = np.full(5, self.left.get(frozenset(m.effect for m in task.members), 30.0))
+            slopes = np.zeros((1, 5, len(task.start)))
+            result = PlantFit(np.asarray(task.start), np.zeros((1, 5)), 0.0, slopes, 1)
+            found.append(Hypothesis(task.members, result, mean))
+        return found
+
+    def fit_nominal(self) -> Hypothesis:
+        return self.fit_all([FitTask((), np.zeros(0), 0)])[0]
+
+    def from_the_rig_file(self, values: np.ndarray) -> np.ndarray:
+        return values
+
+
+def test_two_large_causes_are_found_although_a_third_effect_explains_most_alone(rig: Rig) -> None:
+    """A dead volume and a bladder were taken for an extensible braid and a hysteresis."""
+    causes = frozenset(["bladder_elasticity", "dead_volume"])
+    fits = FitsByName({frozenset(["braid_extensibility"]): 12.0, causes: 1.0}
+        | {frozenset(["braid_extensibility", c]): 10.0 for c in causes | {"creep", "hysteresis"}}
+        | {frozenset([c]): 15.0 for c in causes | {"creep"}})  # fmt: skip
+    candidates = candidates_for(rig, rig.joints[0])
+    judge = SimpleNamespace(background=np.zeros(5), motion=np.zeros(5))
+    search = EffectSearch(fits, None, judge, candidates)  # type: ignore[arg-type]
+    result = search.singles.singles()
+    assert result.by_size[0][0].effects == ("braid_extensibility",)
+    search.grow(result, (0.4, 0.75))
+    assert frozenset(result.by_size[1][0].effects) == causes
 
 
 def test_a_size_at_the_end_of_its_range_is_a_caution(rig: Rig) -> None:

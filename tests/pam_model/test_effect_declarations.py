@@ -157,3 +157,10 @@ def test_adjusted_numbers_hold_every_effect() -> None:
         adjusted("joint.colour", 1.0, {})
     with pytest.raises(EffectError, match="has no ideal value"):
         adjusted("joint.inertia", None, {})
+
+
+def test_what_changes_the_pull_of_a_muscle_is_sought_where_it_moves_a_joint() -> None:
+    """Load cells are rare: a large threshold pressure was `unknown` without them."""
+    for name, effect in EFFECTS.items():
+        if effect.stage == "muscle":
+            assert {"position", "pulls"} <= {*effect.search.shown_by}, name

@@ -12,7 +12,6 @@ from pam_ros.valve_command import (
     PRESSURE_REGULATOR,
     ValveCommandError,
     ValveCommandFormat,
-    commands_of_any_kind,
 )
 
 NAN = math.nan
@@ -77,13 +76,6 @@ def test_a_listener_takes_of_a_message_what_it_can() -> None:
     assert MIXED.known(["stranger", "b"], [1.0, NAN], [NAN, 2e5]) == {"b": 2e5}
     assert MIXED.known(["a", "b"], [0.5, 0.0], []) == {"a": 0.5}
     assert MIXED.known(["a", "b"], [math.inf, 0.0], [0.0, NAN]) == {}
-
-
-def test_without_a_rig_the_one_field_with_a_number_tells() -> None:
-    read = commands_of_any_kind(["a", "b", "c", "d"], [0.5, NAN, NAN, 0.1], [NAN, 2e5, NAN, 1e5])
-    assert read.values == {"a": 0.5, "b": 2e5}
-    assert read.ambiguous == ("d",)
-    assert commands_of_any_kind(["a", "b"], [], [1e5, 2e5]).values == {"a": 1e5, "b": 2e5}
 
 
 def test_an_unknown_kind_of_valve_is_refused() -> None:

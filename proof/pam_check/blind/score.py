@@ -139,7 +139,7 @@ def reliability_of_causes(
     return _by_stated(stated)
 
 
-LEAST_PROBABILITY = 0.002
+LEAST_PROBABILITY = 1e-4
 """Probability that every explanation has in `surprise`, so that one rig cannot decide alone."""
 
 

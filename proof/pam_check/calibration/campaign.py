@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -177,6 +178,29 @@ def median(errors: Sequence[float]) -> float:
     return float(np.median(known)) if known else math.nan
 
 
+def by_number(rows: Sequence[Compared]) -> dict[str, dict[str, float]]:
+    """Median error, coverage and what is said, by key without the names of joint and muscle.
+
+    Errors and coverage are of numbers that are not kept; those of ratios, where a number has one.
+    """
+    found: dict[str, dict[str, float]] = {}
+    kind = {row.key: re.sub(r"^elbow(_flexor|_extensor)?\.", "", row.key) for row in rows}
+    for name in dict.fromkeys(kind.values()):
+        own = [row for row in rows if kind[row.key] == name]
+        said = [row for row in own if row.status != KEPT]
+        ratios = [row for row in said if math.isfinite(row.ratio_error)]
+        found[name] = {
+            "count": float(len(own)),
+            "kept": float(len(own) - len(said)),
+            "determined": float(sum(row.status == DETERMINED for row in own)),
+            "error": median([row.error for row in said]),
+            "covered": coverage([row.holds for row in said])["share"],
+            "ratio_error": median([row.ratio_error for row in ratios]),
+            "ratio_covered": coverage([row.ratio_holds for row in ratios])["share"],
+        }
+    return found
+
+
 def score(rows: Sequence[Compared], rigs: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """The figures of a campaign.
 
@@ -211,7 +235,22 @@ def score(rows: Sequence[Compared], rigs: Sequence[Mapping[str, Any]]) -> dict[s
         "withheld_before": median([rig["before"] for rig in right]),
         "withheld_after": median([rig["after"] for rig in right]),
         "seconds": max((rig["seconds"] for rig in rigs), default=math.nan),
+        "by_number": by_number(rows),
     }
+
+
+def table_of(numbers: Mapping[str, Mapping[str, float]]) -> list[str]:
+    """The figures of each number as lines; errors of angles in mrad, of all others in %."""
+    head = "number, kept of all, determined, error, interval holds, error of the ratio, it holds"
+    lines = [head]
+    for name, one in numbers.items():
+        error = (1e3 if name.endswith("angle") else 1e2) * one["error"]
+        lines.append(
+            f"{name:24s} {one['kept']:3.0f} of {one['count']:3.0f} {one['determined']:3.0f} "
+            f"{error:6.1f} {100 * one['covered']:4.0f} % {100 * one['ratio_error']:6.1f} "
+            f"{100 * one['ratio_covered']:4.0f} %"
+        )
+    return lines
 
 
 def text_of(result: Mapping[str, Any]) -> str:
@@ -240,6 +279,7 @@ def text_of(result: Mapping[str, Any]) -> str:
             f"{1e3 * result['withheld_before']:.0f} mrad as written, "
             f"{1e3 * result['withheld_after']:.1f} mrad calibrated",
             f"processor time of the slowest calibration: {result['seconds']:.0f} s",
+            *table_of(result["by_number"]),
         ]
     )
 
@@ -275,30 +315,44 @@ def _one(rig: int, drawn: CalibrationRig, folder: Path) -> tuple[dict[str, Any],
     return what, rows
 
 
-def run(given: Arguments) -> Outcome:
-    """Draw, calibrate and score; the command of `pam_check.commands.calibration`."""
-    random = np.random.default_rng(given.seed)
-    folder = Path(given.out)
-    folder.mkdir(parents=True, exist_ok=True)
+def of_folder(folder: Path, seed: int) -> tuple[list[dict[str, Any]], list[Compared]]:
+    """What was found of all rigs of one seed whose results are in a folder."""
     rigs: list[dict[str, Any]] = []
     rows: list[Compared] = []
-    for rig in range(given.rigs):
-        what, compared = _one(rig, draw_rig(random), folder)
-        rigs.append(what)
-        rows += compared
+    for path in sorted(folder.glob("rig_*.json")):
+        one = json.loads(path.read_text(encoding="utf-8"))
+        if one["seed"] == seed:
+            rigs.append(one["rig"])
+            rows += [Compared(**row) for row in one["numbers"]]
+    return rigs, rows
+
+
+def run(given: Arguments) -> Outcome:
+    """Draw, calibrate and score; the command of `pam_check.commands.calibration`.
+
+    Each rig has random draws of its own, so that several processes can share a campaign.
+    """
+    folder = Path(given.out)
+    folder.mkdir(parents=True, exist_ok=True)
+    for rig in range(given.first, given.first + given.rigs):
+        drawn = draw_rig(np.random.default_rng([given.seed, rig]))
+        what, compared = _one(rig, drawn, folder)
         state = what["why"][0][:70] if what["refused"] else f"{1e3 * what['after']:.1f} mrad"
         print(
             f"{rig:3d} {what['exchanged'] or '-':20s} {what['seconds']:5.0f} s  {state}", flush=True
         )
-        result = score(rows, rigs)
-        (folder / "score.json").write_text(
+        (folder / f"rig_{rig:03d}.json").write_text(
             json.dumps(
-                {"seed": given.seed, "score": result, "rigs": rigs,
-                 "numbers": [asdict(one) for one in rows]},
+                {"seed": given.seed, "rig": what, "numbers": [asdict(one) for one in compared]},
                 indent=1,
             ),
             encoding="utf-8",
-        )  # fmt: skip
+        )
+    rigs, rows = of_folder(folder, given.seed)
+    result = score(rows, rigs)
+    (folder / "score.json").write_text(
+        json.dumps({"seed": given.seed, "score": result}, indent=1), encoding="utf-8"
+    )
     print(text_of(result))
     told, swapped = result["exchanged_told"]
     bad = [] if told == swapped else [f"{swapped - told} exchanges were not told"]

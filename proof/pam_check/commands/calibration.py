@@ -16,6 +16,14 @@ def _declare(parser: Parser) -> None:
         metavar="N",
         help="number of rigs (default: %(default)s)",
     )
+    parser.add_argument(
+        "--first",
+        type=count(0),
+        default=0,
+        metavar="K",
+        help="number of the first one, to make a campaign in parts: the figures are of all rigs of "
+        "the seed whose results are in the folder (default: %(default)s)",
+    )
     add_seed(parser, 1)
     add_out(parser, "out/calibration")
 

@@ -177,34 +177,3 @@ class ValveCommandFormat:
             if len(used) == len(names) and math.isfinite(used[place]):
                 found[name] = float(used[place])
         return found
-
-
-class CommandsOfAnyKind(NamedTuple):
-    """The commands of a message for muscles whose kind of valve is unknown."""
-
-    # muscle -> the finite number, for muscles that have one in exactly one field
-    values: dict[str, float]
-    # muscles with a finite number in both fields, which no valve accepts; not in `values`
-    ambiguous: tuple[str, ...]
-
-
-def commands_of_any_kind(
-    names: Sequence[str], position: Sequence[float], effort: Sequence[float]
-) -> CommandsOfAnyKind:
-    """Read the commands of a message, for example from a recording, without knowing the rig.
-
-    Parameters
-    ----------
-    names, position, effort : sequence
-        Fields of the message; a field whose length differs from that of `names` is ignored.
-    """
-    found: dict[str, float] = {}
-    ambiguous = []
-    fields = [field for field in (position, effort) if len(field) == len(names)]
-    for place, name in enumerate(names):
-        numbers = [float(field[place]) for field in fields if math.isfinite(field[place])]
-        if len(numbers) == 1:
-            found[name] = numbers[0]
-        elif numbers:
-            ambiguous.append(name)
-    return CommandsOfAnyKind(found, tuple(ambiguous))

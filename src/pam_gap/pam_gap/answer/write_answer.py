@@ -11,6 +11,7 @@ from pam_gap.answer.improved_rig import improve_rig
 from pam_gap.answer.user_units import spoken
 from pam_gap.experiments.next_experiment import Proposal
 from pam_gap.inference.confidence import (
+    NORMAL_90,
     Interval,
     floor_reach,
     gap_closed,
@@ -124,7 +125,8 @@ class AnswerForm:
     ) -> dict[str, dict[str, FoundParameter]]:
         """Parameters of the causes with units; values of `shown`, intervals that span both fits.
 
-        No interval is narrower than the laws are exact (`law_accuracy`).
+        No interval is narrower than the laws are exact: a law that errs by a share of the change
+        that it makes may err by the same share of its size.
 
         With an ordinary background the two fits differ: `shown` holds only what a rig file can,
         and makes up for the rest (a spool's play by a longer delay); `chosen` contains the rest in
@@ -139,7 +141,7 @@ class AnswerForm:
                 parameter = EFFECTS[member.effect].parameters[RIG_PLACES[targets[0]].key]
                 interval = own[member.effect, name]
                 size = interval.value - (0.0 if parameter.is_shape else parameter.neutral)
-                least = self.rules.law_accuracy * abs(size)
+                least = NORMAL_90 * self.judge.rules.statement.sharp_law_error * abs(size)
                 spanned = interval.spanning(other[member.effect, name]).reaching(least)
                 entry[name] = FoundParameter(spanned, parameter.unit)
         return found

@@ -32,6 +32,12 @@ elements describes (Ferry, Viscoelastic Properties of Polymers, Wiley 1980). The
 that of the fastest motion, 2 Hz: what relaxes within it would be taken for viscous friction."""
 CREEP_RATIO = 0.01
 """Unit of the amount of each element, over the stiffness of the braid at 3 bar."""
+LONG_STROKE = 4.0
+"""Stroke over which the last threads begin to slide, over that of the fit: published strokes reach
+from 0.2 to 2 mm, and threads of one muscle begin one after another. What slides late would be taken
+for viscous friction or creep."""
+LATE_FRICTION, LATE_SPREAD = 0.01, 0.5
+"""Unit of the amount of late friction, as the amplitude of a hysteresis, and its deviation."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,6 +107,9 @@ def small_errors(
         lane[[INDEX[f"{side}.creep.time_constant"] for side in SIDES]] = time
     changes += list(played.errors(lanes) - base)
     free += [FreeParameter("creep", 0.0, 3.0, 0.3, 0.6, 1.0)] * len(CREEP_TIMES)
+    late = late_friction(played, vector)
+    changes += late
+    free += [FreeParameter("late friction", -1.0, 1.0, 0.3, LATE_SPREAD)] * len(late)
     for part in sensor_parts(played):
         if not part.is_one_way:  # the play is above
             changes.append(part.errors(played, vector, 1.0) - base)
@@ -110,3 +119,14 @@ def small_errors(
         free.append(FreeParameter("the encoder", -1.0, 1.0, share, share))
     columns = np.stack(changes, axis=-1) if changes else np.zeros((*base.shape, 0))
     return LinearTerms(columns, tuple(rules.weighted(one) for one in free))
+
+
+def late_friction(problem: PredictionProblem, vector: Array) -> list[Array]:
+    """Changes of the errors by friction of each muscle's threads over a longer stroke."""
+    lanes = np.repeat(vector[None], len(SIDES) + 1, axis=0)
+    # both muscles have one stroke in a fit: the first lane shows what the longer one alone changes
+    lanes[:, [INDEX[f"{side}.hysteresis.presliding_length"] for side in SIDES]] *= LONG_STROKE
+    for lane, side in zip(lanes[1:], SIDES, strict=True):
+        lane[INDEX[f"{side}.hysteresis.amplitude"]] += LATE_FRICTION
+    errors = problem.errors(lanes)
+    return list(errors[1:] - errors[0])

@@ -8,7 +8,7 @@ give the start of each stage.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -25,7 +25,7 @@ from pam_gap.calibration.free_numbers import (
     free_numbers,
 )
 from pam_gap.calibration.small_errors import ValvePlay, small_errors
-from pam_gap.inference.background import Background
+from pam_gap.inference.background import Background, has_regulators
 from pam_gap.inference.hypothesis import Hypothesis, HypothesisFitter
 from pam_gap.prediction.channel_order import BOTH_PRESSURES, N_CHANNELS, POSITION
 from pam_gap.prediction.fit import Array, fit
@@ -219,11 +219,17 @@ def fit_together(
 ) -> JointFit:
     """All numbers at once, beside the small errors of valves and sensors of a good rig.
 
+    How a regulator controls its outlet is its maker's secret, and two poles with a limited flow
+    describe it roughly. The body is therefore fitted along the measured pressures of regulators, as
+    in its own stage. Along predicted pressures, it would make up for their errors.
+
     Parameters
     ----------
     problem, numbers, vector, rules
         As for `fit_stage`.
     """
+    if has_regulators(problem):
+        problem = problem.with_usual(replace(problem.usual, apart=True))
     floor = noise_level(problem, vector)
     valves = ValvePlay.usual(problem)
     values = np.array([vector[INDEX[one.name]] for one in numbers])

@@ -7,7 +7,6 @@ proposal is a draft of a map file: the user confirms or corrects it.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
@@ -16,10 +15,10 @@ import numpy as np
 import yaml
 
 from pam_gap.import_log.column_name import DERIVED, WORDS, ColumnName, words_of
+from pam_gap.import_log.time_column import KIND, rest_of_time, time_score, unit_of_time
 from pam_gap.prediction.bench_joint import bench_muscles
 from pam_gap.recordings.column_map import unit_of
 from pam_gap.recordings.import_rosbag import ESTIMATES, GROUND_TRUTH
-from pam_gap.recordings.plausible_units import LONGEST_STEP, SHORTEST_STEP
 from pam_gap.recordings.recording import COMMANDS, JOINTS, MUSCLES, PRESSURES, SUPPLY, Array
 from pam_gap.recordings.text_table import Table
 from pam_model.rig import Rig
@@ -43,17 +42,9 @@ _SIDES: Final = (
     frozenset(["ant", "antago", "antagonist", "antag"]),
 )
 """What the first and the second muscle of a joint are called without their names."""
-_FRACTIONS: Final = {
-    **dict.fromkeys(("ms", "msec", "msecs", "millis", "milliseconds"), 1e-3),
-    **dict.fromkeys(("us", "usec", "usecs", "micros", "microseconds"), 1e-6),
-    **dict.fromkeys(("ns", "nsec", "nsecs", "nanosec", "nanosecs", "nanoseconds"), 1e-9),
-}
-"""Last words of columns that hold the rest of a time in whole seconds, and their unit [s]."""
-_SECONDS: Final = frozenset(["sec", "secs", "seconds"])
-_DAY: Final = 86400.0
 _SHORTEST: Final = 3  # letters of a short form of a name
-_KIND, _OWNER, _NUMBER = 2.0, 3.0, 1.5
-"""What a word of the kind, a word of the muscle or joint, and the right number count."""
+_OWNER, _NUMBER = 3.0, 1.5
+"""What a word of the muscle or joint, and the right number, count; a word of the kind is `KIND`."""
 _TOLD_BY_UNIT: Final = (PRESSURES, ".position")
 """Kinds of channel that a unit suggests where no word does."""
 _OWN_NAME: Final = 100.0
@@ -158,12 +149,12 @@ def _kind_score(kind: str, column: ColumnName, expected: str, owner: float) -> f
         seen = kind == PRESSURES and words & _SEEN and (owner or column.unit)
         named = any(words & other for other in WORDS.values())
         by_unit = kind in _TOLD_BY_UNIT and not named and column.unit in dict(RECORDED[expected])
-        return _KIND * len(words & WORDS[kind]) + (_KIND / 2.0 if seen or by_unit else 0.0)
+        return KIND * len(words & WORDS[kind]) + (KIND / 2.0 if seen or by_unit else 0.0)
     if asked and quantity - {"t"}:
         return 0.0  # the reference of a joint
     if words & WORDS[PRESSURES] and (expected == "-" or not asked):
         return 0.0  # a pressure is the command of a regulator alone
-    return _KIND * len(words & (WORDS[COMMANDS] | _ASKED))
+    return KIND * len(words & (WORDS[COMMANDS] | _ASKED))
 
 
 def _score(channel: str, place: int, column: ColumnName, rig: Rig) -> float:
@@ -199,7 +190,7 @@ def _unit(channel: str, column: ColumnName, values: Array, rig: Rig) -> str:
         return column.unit if column.unit in dict(RECORDED.get(expected, ())) else ""
     finite = values[np.isfinite(values)]
     if channel == "time":
-        return "" if column.words & _SECONDS else _unit_of_time(finite)
+        return unit_of_time(column, finite)
     largest = float(np.abs(finite).max(initial=0.0))
     supply = rig.supply_pressure - rig.gas.ambient_pressure
     limits = {
@@ -210,18 +201,6 @@ def _unit(channel: str, column: ColumnName, values: Array, rig: Rig) -> str:
     if expected not in limits or limits[expected][0] <= largest <= limits[expected][1]:
         return ""
     fitting = units_that_fit(largest, expected, *limits[expected], RECORDED)
-    return fitting[0][0] if fitting else ""
-
-
-def _unit_of_time(values: Array) -> str:
-    """The unit in which a time has the steps of a logger; empty for seconds or an unknown one."""
-    stamps = np.unique(values)
-    step = float(np.median(np.diff(stamps))) if stamps.size > 1 else 0.0
-    if stamps.size < 0.5 * values.size:  # written with few digits: several rows have one stamp
-        step *= stamps.size / values.size
-    if SHORTEST_STEP <= step <= LONGEST_STEP:
-        return ""
-    fitting = units_that_fit(step, "s", SHORTEST_STEP, LONGEST_STEP, RECORDED)
     return fitting[0][0] if fitting else ""
 
 
@@ -291,7 +270,7 @@ def _best(
         place = places[kind] = places.get(kind, 0) + 1
         for column in read:
             if kind == "time":
-                score = _time_score(column, columns[column.name], column.name == first)
+                score = time_score(column, columns[column.name], column.name == first)
             else:
                 score = _score(channel, place, column, rig)
             if score > 0.0:
@@ -315,7 +294,7 @@ def _best(
             channel,
             found[channel].name,
             _unit(channel, found[channel], columns[found[channel].name], rig),
-            _rest_of_time(columns, found[channel].name) if channel == "time" else (),
+            rest_of_time(columns, found[channel].name) if channel == "time" else (),
             found[channel].absolute and channel.startswith(PRESSURES),
             tuple(_others(alike.get(channel, []), found[channel].name, columns)),
             not found[channel].unit,
@@ -402,56 +381,6 @@ def _why_left_out(channel: str, column: ColumnName, table: Table, rig: Rig) -> s
 def _is_derived(channel: str, column: ColumnName) -> bool:
     """Whether a word says that a column was computed, or is of another quantity."""
     return bool((column.words & DERIVED) - set(words_of(channel.partition(".")[2])))
-
-
-def _time_score(column: ColumnName, values: Array, is_first: bool) -> float:
-    """How well a column fits the time: by its name, or as the first, which rises evenly."""
-    named = len(column.words & WORDS["time"])
-    values = values[np.isfinite(values)]
-    steps = np.diff(values)
-    if not column.is_of("s") or (values.size and np.all(values % _DAY == 0.0) and values[-1]):
-        return 0.0  # a date alone is no time
-    if named:
-        return _KIND * named + float(np.all(steps >= 0.0))
-    if not is_first or steps.size < 2:
-        return 0.0
-    is_even = bool(np.all(np.abs(steps - steps[0]) <= 0.01 * abs(steps[0])))
-    return 0.5 * (is_even and steps[0] > 0.0 and abs(steps[0] - 1.0) > 0.01)  # not row numbers
-
-
-def _rest_of_time(columns: Mapping[str, Array], time: str) -> tuple[tuple[str, float], ...]:
-    """The columns that a time in whole seconds lacks: the date, and the fraction of a second."""
-    values = columns[time][np.isfinite(columns[time])]
-    if np.any(values != np.round(values)) or np.unique(values).size > 0.5 * values.size:
-        return ()
-    rest = [
-        (name, unit) for name, column in columns.items()
-        if (unit := _fraction(name, time)) is not None
-        and np.nanmin(column) >= 0.0 and np.nanmax(column) * unit < 1.0
-    ]  # fmt: skip
-    dates = [
-        (name, 1.0) for name, column in columns.items()
-        if name != time and {"date", "datum"} & set(words_of(name))
-        and np.nanmax(column) > 1e3 * _DAY and np.nanmax(values) < 2.0 * _DAY
-    ]  # fmt: skip
-    return (*dates[:1], *rest[:1]) if rest else ()
-
-
-def _fraction(name: str, time: str) -> float | None:
-    """The unit [s] of a column that holds the fraction of a second of a time; None for others.
-
-    Both have the same words before the unit, as `stamp.sec` and `stamp.nanosec`.
-    """
-    before, word = _last_word(name)
-    return _FRACTIONS.get(word.lower()) if before in ("", _last_word(time)[0]) else None
-
-
-def _last_word(name: str) -> tuple[str, str]:
-    """The last word of a name, and what stands before it."""
-    found = re.search(r"[A-Za-z]+\W*$", name)
-    if found is None:
-        return name, ""
-    return name[: found.start()], found[0].strip()
 
 
 def map_text(proposed: list[Proposed], rate: float = 0.0) -> str:

@@ -35,7 +35,7 @@ class Verdict[S: Score]:
     verdict: str  # none, named, ambiguous or unknown
     judge: Judge  # with the floor over which levels are measured
     # the hypothesis of the most probable set of causes that the verdict names; without a name, the
-    # rig without causes for `none` and the most probable set of causes for `unknown`
+    # rig without causes for `none` and the one that leaves least for `unknown`
     chosen: S | None
     rivals: tuple[S, ...]  # those of the other sets of an ambiguous answer
     tried: tuple[S, ...]  # all final scores
@@ -113,7 +113,7 @@ def _open_sets(choice: Choice, effects: Sequence[str]) -> tuple[tuple[str, ...],
 def decide[S: Score](evidence: Evidence[S], rules: Rules) -> Verdict[S]:
     """The verdict about this evidence, with these rules."""
     judge, nominal = judge_of(evidence, rules), evidence.nominal
-    tried = [evidence.settled.get(k, score) for k, score in enumerate(evidence.tried)]
+    tried = evidence.finalists
     found = posterior(evidence, rules)
     choice = _least_cost(found, nominal, judge)
     causes = _strongest_first(cause_probabilities(found, {*EFFECTS}), evidence.singles)
@@ -122,9 +122,9 @@ def decide[S: Score](evidence: Evidence[S], rules: Rules) -> Verdict[S]:
     names = [" + ".join(sorted(one)) for one in choice.sets]
     if choice.verdict == NONE:
         names = [NONE]
-    elif choice.verdict == UNKNOWN:
-        names = [name for name in found if name not in (NONE, UNKNOWN)][:1]
     fits = [_hypothesis(name, [nominal, *tried], judge) for name in names]
+    if choice.verdict == UNKNOWN:
+        fits = [min(tried, key=judge.priced_level, default=None)]
     known = [fit for fit in fits if fit is not None]
     stage: str | None = EFFECTS[effects[0]].stage if effects else None
     if choice.verdict == UNKNOWN:
@@ -136,7 +136,7 @@ def decide[S: Score](evidence: Evidence[S], rules: Rules) -> Verdict[S]:
         judge=judge,
         chosen=known[0] if known else None,
         rivals=tuple(known[1:]),
-        tried=tuple(tried),
+        tried=tried,
         stage=stage,
         effects=effects,
         indistinguishable=_open_sets(choice, effects),

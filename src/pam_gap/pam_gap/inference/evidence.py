@@ -51,6 +51,11 @@ class Evidence[S: Score]:
     improved: S | None = None
     improved_for: str = ""  # label of the hypothesis that was named and fitted for that file
 
+    @property
+    def finalists(self) -> tuple[S, ...]:
+        """Scores of the finalists, each after the last fit that it had."""
+        return tuple(self.settled.get(place, score) for place, score in enumerate(self.tried))
+
     def save(self, path: Path) -> None:
         """Write the evidence to one NPZ file (arrays and one JSON text, no pickled objects)."""
         places = sorted(self.settled)

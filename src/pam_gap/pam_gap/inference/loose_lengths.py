@@ -79,7 +79,7 @@ def probability_of_lengths(tight: Evidence[Any], loose: Evidence[Any], rules: Ru
     rules : Rules
         What is believed beforehand, and what matters.
     """
-    fits = [loose.nominal, *(loose.settled.get(k, one) for k, one in enumerate(loose.tried))]
+    fits = [loose.nominal, *loose.finalists]
     wrong = [replace(one, effects=(*one.effects, WRONG_LENGTHS)) for one in fits]
     found = posterior(replace(tight, tried=(*tight.tried, *wrong)), rules)
     return sum(p for name, p in found.items() if WRONG_LENGTHS in name.split(" + "))

@@ -42,8 +42,6 @@ DIVERGED = 1e12
 """Mean square in place of one that is not finite."""
 LEAST_KEPT = 1e-3
 """Probability below which an explanation is left out."""
-MOST_WITH_HIDDEN = 2
-"""Number of causes from which on a further one that is too small to be seen is not considered."""
 CONSIDERED = 6
 """Sets of causes of which an answer is made, the most probable ones."""
 MOST_ALTERNATIVES = 4
@@ -172,8 +170,7 @@ def _beliefs(evidence: Evidence[Any], rules: Rules) -> tuple[dict[str, float], d
     statement = rules.statement
     present = evidence.present
     noise, background = evidence.floor[present], evidence.background[present]
-    tried = [evidence.settled.get(place, score) for place, score in enumerate(evidence.tried)]
-    scores = [evidence.nominal, *tried, *evidence.unlisted]
+    scores = [evidence.nominal, *evidence.finalists, *evidence.unlisted]
     if evidence.flexible is not None:
         scores.append(evidence.flexible)
     left = np.array([score.mean_square[present] for score in scores])
@@ -207,7 +204,7 @@ def _beliefs(evidence: Evidence[Any], rules: Rules) -> tuple[dict[str, float], d
 
 def _leaves_most(evidence: Evidence[Any], rules: Rules, name: str) -> bool:
     """Whether all hypotheses with these causes leave most of a gap, and as much as matters."""
-    tried = [evidence.settled.get(place, score) for place, score in enumerate(evidence.tried)]
+    tried = evidence.finalists
     judge = judge_of(evidence, rules)
     usual = judge.usual(evidence.nominal, tried)
     same = [score for score in tried if " + ".join(sorted(score.causes)) == name]
@@ -221,10 +218,10 @@ def _leaves_most(evidence: Evidence[Any], rules: Rules, name: str) -> bool:
 def posterior(evidence: Evidence[Any], rules: Rules) -> dict[str, float]:
     """Probability of each explanation, largest first; their names are those of diagnosis.json.
 
-    Each set of causes may have one more that is too small to be seen: it leaves the likelihood as
-    it is. Where the most probable causes leave most of the gap, and as much as matters, something
-    else is there, whether they are present or not: `unknown`. Explanations that are less probable
-    than `LEAST_KEPT` are left out, but neither `none` nor `unknown` is.
+    A cause may have a second one beside it that is too small to be seen: it leaves the likelihood
+    as it is. Where the most probable causes leave most of the gap, and as much as matters,
+    something else is there, whether they are present or not: `unknown`. Explanations that are less
+    probable than `LEAST_KEPT` are left out, but neither `none` nor `unknown` is.
 
     Parameters
     ----------
@@ -268,18 +265,23 @@ def _with_hidden(likelihood: Mapping[str, float], statement: Statement) -> dict[
     statement : Statement
         What is believed beforehand.
     """
-    prior, seen = prior_of_sets(statement), log(1.0 - statement.hidden)
+    prior = prior_of_sets(statement)
     found: dict[str, float] = {}
+
+    def add(name: str, value: float) -> None:
+        found[name] = float(np.logaddexp(value, found.get(name, -np.inf)))
+
     for name, value in likelihood.items():
-        causes = set() if name == NONE else {*name.split(" + ")}
-        size = min(len(causes), len(prior) - 1)
-        visible = value + size * seen
-        found[name] = float(np.logaddexp(visible + prior[size], found.get(name, -np.inf)))
-        if size < MOST_WITH_HIDDEN:
-            hidden = visible + prior[size + 1] + log(statement.hidden)
-            for effect in sorted(EFFECTS.keys() - causes):
-                more = " + ".join(sorted({*causes, effect}))
-                found[more] = float(np.logaddexp(hidden, found.get(more, -np.inf)))
+        causes = [] if name == NONE else name.split(" + ")
+        believed = value + prior[min(len(causes), len(prior) - 1)]
+        if len(causes) != 1:
+            add(name, believed)
+            continue
+        add(name, believed + log(1.0 - statement.hidden))
+        others = sorted(EFFECTS.keys() - {name})
+        for other in others:
+            second = " + ".join(sorted((name, other)))
+            add(second, believed + log(statement.hidden / len(others)))
     return found
 
 

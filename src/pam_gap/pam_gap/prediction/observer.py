@@ -66,6 +66,9 @@ from pam_model.plant.sensors import (
 
 Array = npt.NDArray[np.float64]
 FOLLOW_MOTION, FOLLOW_PRESSURES, FOLLOW_BOTH = -1, -2, -3
+HALF_FLOW = SPEED + 1
+"""First of two columns of `restart`, which are needed with FOLLOW_PRESSURES: how much the flow of
+either valve changes the reading of the pressure from a sample to the middle of its interval."""
 # Gains of the corrections: of the pressures, of the motion, and of the motion at the start of the
 # recording; and the duration of this start [s].
 FADE, HOLD_POSITION, HOLD_SPEED, CATCH_POSITION, CATCH_SPEED, CATCH_TIME = range(6)
@@ -188,11 +191,26 @@ def compare_pulls(
         total[channel] += error if known[k, channel] else np.nan
 
 
+@compiled
+def enter_interval(sensors: Any, y: Any, restart: Any, k: int, window: int) -> None:
+    """Change pressures that are followed to those between this sample and the next one.
+
+    Their valves are shut between samples, so that they would lag behind by half a sample.
+    """
+    if window == FOLLOW_PRESSURES:
+        for i in range(2):
+            o = Y_MUSCLES + i * N_MUSCLE_STATES
+            change = restart[k, HALF_FLOW + i] / sensors[i * N_MUSCLE_SENSORS + K_GAIN]
+            y[o + S_PRESSURE] += change
+            y[o + S_VALVE_PRESSURE] += change
+
+
 # Loops over the lanes, which `with_loops` defines for each kernel.
 start_sample_lanes: Any = None
 correct_pressures_lanes: Any = None
 correct_motion_lanes: Any = None
 compare_pulls_lanes: Any = None
+enter_interval_lanes: Any = None
 advance_block: Any = None
 
 
@@ -247,6 +265,7 @@ def _observe(
         )  # fmt: skip
         if has_pulls:
             compare_pulls_lanes(active, c, tables, y, total, measured, known, k)
+        enter_interval_lanes(active, sensors, y, restart, k, window)
         advance_block(
             active, c, tables, y, k1, k2, k3, k4, ys, held, contact, torque, drive, commands, k,
             shut, sample_time, steps,
@@ -256,7 +275,7 @@ def _observe(
 @cache
 def _compiled_observer(variant: Variant) -> Callable[..., None]:
     """`_observe` compiled for a variant of the plant."""
-    loops = (start_sample, correct_pressures, correct_motion, compare_pulls)
+    loops = (start_sample, correct_pressures, correct_motion, compare_pulls, enter_interval)
     made = with_loops(_observe, loops, variant)
     made.__globals__["advance_block"] = advance_lanes(variant)
     return fused_entry_point(made) if variant is SINGLE else entry_point(made)
@@ -315,8 +334,9 @@ def observe(
         Number of samples after which the state is reset to `restart`; 0 for never. With
         FOLLOW_MOTION, FOLLOW_PRESSURES or FOLLOW_BOTH, these states are set to the measured ones in
         every sample.
-    restart : ndarray, shape (N, 4), optional
-        Measured pressures [Pa], position [rad] and speed [rad/s] for such a reset.
+    restart : ndarray, shape (N, 4) or (N, 6), optional
+        Measured pressures [Pa], position [rad] and speed [rad/s] for such a reset; with
+        FOLLOW_PRESSURES, `HALF_FLOW` of both muscles as well [Pa].
     external : ndarray, shape (N,), optional
         External torque on the joint [N m].
     drawn : ndarray, shape (N, 2), optional

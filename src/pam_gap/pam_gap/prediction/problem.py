@@ -22,6 +22,7 @@ from pam_gap.prediction.channels import (
     joint_channels,
 )
 from pam_gap.prediction.fit import Array, Predictor
+from pam_gap.prediction.half_flow import half_flow
 from pam_gap.prediction.local_polynomial import local_polynomial
 from pam_gap.prediction.observer import FOLLOW_BOTH, FOLLOW_MOTION, FOLLOW_PRESSURES, observe
 from pam_gap.recordings.recording import (
@@ -73,6 +74,9 @@ class PredictionSettings:
     # ones in every sample. The pressures always are where no valve commands were recorded.
     follow_motion: bool = False
     follow_pressures: bool = False
+    # whether the pressures are predicted along the measured motion, and motion and forces along the
+    # measured pressures, so that no error of one passes on to the other; it needs valve commands
+    apart: bool = False
     # if given, one more draw of the channels' noise is added to the measurements
     noise_seed: int | None = None
 
@@ -227,6 +231,13 @@ class PredictionProblem:
         """
         parts = []
         settings = self.usual if settings is None else settings
+        if settings.apart and self.has_commands:
+            alone = replace(settings, apart=False)
+            found = self.errors(values, replace(alone, follow_motion=True))
+            body = self.errors(values, replace(alone, follow_pressures=True))
+            others = np.delete(np.arange(N_CHANNELS), BOTH_PRESSURES)
+            found[..., others] = body[..., others]
+            return found
         followed = settings.follow_pressures or not self.has_commands
         rules = self.rules.prediction
         horizon = rules.horizon if settings.horizon is None else settings.horizon
@@ -252,6 +263,11 @@ class PredictionProblem:
                     for c, s in zip(constants, sensors, strict=True)
                 ]
             )
+            restart = None
+            if settings.window_time > 0.0 or window:
+                restart = restart_values(measured, sample_time)
+            if restart is not None and window == FOLLOW_PRESSURES:
+                restart = np.hstack([restart, half_flow(self.rig, self.joint, restart)])
             error = observe(
                 constants,
                 sensors,
@@ -265,9 +281,7 @@ class PredictionProblem:
                 horizon=np.inf if followed else horizon,
                 position_bandwidth=settings.position_bandwidth,
                 window=window if window else round(settings.window_time / sample_time),
-                restart=restart_values(measured, sample_time)
-                if settings.window_time > 0.0 or window
-                else None,
+                restart=restart,
                 external=data.external,
                 drawn=data.drawn,
                 shut=followed or data.recording.mounting == SHUT,
@@ -324,6 +338,12 @@ class PredictionProblem:
         """The same problem with other numbers of the rig file, by plant parameter."""
         other = copy(self)
         other.base = self.base.forced(changes)
+        return other
+
+    def with_usual(self, usual: PredictionSettings) -> PredictionProblem:
+        """The same problem with predictions that are corrected in another way."""
+        other = copy(self)
+        other.usual = usual
         return other
 
     def with_step(self, step: float) -> PredictionProblem:

@@ -180,14 +180,6 @@ class DecisionRules:
     floor_share: float = decision_rule(0.1, unit="of the floor",
         decides="Relative uncertainty of the noise floor; it widens the interval of `closed`.",
         trades="As for `motion_spread`.")
-    law_accuracy: float = proposal_rule(0.01, unit="of the size",
-        decides="How exact the size of an effect can be at best; the interval of a parameter is "
-                "never narrower to either side.",
-        trades="Larger: small changes between two recordings count as noise. Smaller: the "
-               "intervals of clean recordings miss the true value, because no law is exact.",
-        origin="40 parameters of the 60 clean rigs of `blind --seed 1097762585`, whose plant has "
-               "other laws: intervals without a limit held 27 of the true values. With the "
-               "limit, 43 of 54 intervals of 60 fresh clean rigs of seed 20263006.")
     bound_reach: float = proposal_rule(1e-3, unit="of the range",
         decides="Distance from the upper bound below which a parameter is reported to be at the "
                 "bound.",

@@ -122,15 +122,17 @@ class CandidateSearch:
         task: str,
         shares: tuple[float, float],
         warm: bool = False,
+        among: Sequence[Candidate] | None = None,
     ) -> list[Hypothesis]:
         """Every hypothesis with one more effect than `base`; the fits of the best are completed.
 
-        With `warm`, the fit of an effect starts from the values of its last trial.
+        With `warm`, the fit of an effect starts from the values of its last trial. The effect is
+        one of `among`, by default any.
         """
         reuse = base.result.jacobian
         values = base.result.values
         names = {m.label for m in base.members} | {m.effect for m in base.members}
-        rivals = [c for c in self.candidates if c.effect not in names]
+        rivals = [c for c in among or self.candidates if c.effect not in names]
         low, high = shares
         self.progress(f"{task}: {len(rivals)} candidates", low)
         tasks = [
@@ -282,11 +284,41 @@ class CandidateSearch:
                     warm=True,
                 )
         found += self._twins(sorted(found, key=self.level))
+        result.by_size.append(self._distinct(found))
+        self._check_backwards(result)
+
+    def pair_up(self, result: SearchResult, share: float) -> None:
+        """Add every pair of the leading single effects.
+
+        Of two large causes, the best explanation of one effect need not hold either.
+
+        Parameters
+        ----------
+        result : SearchResult
+            The result so far, with pairs.
+        share : float
+            Completed share.
+        """
+        leaders = result.by_size[0][: self.rules.finalists_one]
+        found = [*result.by_size[1]]
+        for place, base in enumerate(leaders[:-1], start=1):
+            found += self.extend(
+                base,
+                screened=self.rules.challenge_screened,
+                finished=self.rules.challenge_finished,
+                task="pairs of the leading effects",
+                shares=(share, share),
+                among=[member for h in leaders[place:] for member in h.members],
+            )
+        result.by_size[1] = self._distinct(found)
+        self._check_backwards(result)
+
+    def _distinct(self, found: Sequence[Hypothesis]) -> list[Hypothesis]:
+        """The best hypothesis of each set of candidates, best first."""
         distinct: dict[frozenset[str], Hypothesis] = {}
         for h in sorted(found, key=self.level):
             distinct.setdefault(frozenset(m.label for m in h.members), h)
-        result.by_size.append(list(distinct.values()))
-        self._check_backwards(result)
+        return list(distinct.values())
 
     def _check_backwards(self, result: SearchResult) -> None:
         """Fit the best hypothesis without each of its effects, which may be unnecessary now."""

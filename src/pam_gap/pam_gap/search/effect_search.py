@@ -92,6 +92,8 @@ class EffectSearch:
     def grow(self, result: SearchResult, shares: tuple[float, float]) -> None:
         """Add the hypotheses with one more effect."""
         self.singles.grow(result, shares)
+        if len(result.by_size) == 2 and self._is_gap(result.by_size[1][0]):
+            self.singles.pair_up(result, shares[1])
 
     def far_beyond(self) -> frozenset[str]:
         """Effects that are causes although their size is ordinary.
@@ -150,6 +152,13 @@ class EffectSearch:
         floor = self.fitter.floor + self.judge.background
         return level(h.mean_square, floor, self.problem.present)
 
+    def _is_gap(self, best: Hypothesis) -> bool:
+        """Whether what a hypothesis leaves is itself a gap, and matters."""
+        floor, present = self.fitter.floor + self.judge.background, self.problem.present
+        limit = self.rules.decision.material_share**2 * self.judge.motion
+        matters = bool((best.mean_square - floor > limit)[present].any())
+        return matters and has_gap(self.left(best), int(present.sum()), self.rules.search)
+
     def _goes_on(self, result: SearchResult) -> bool:
         """Whether one more effect is sought.
 
@@ -158,11 +167,7 @@ class EffectSearch:
         """
         rules, left = self.rules, self.left
         size, best = len(result.by_size), result.by_size[-1][0]
-        floor, present = self.fitter.floor + self.judge.background, self.problem.present
-        limit = rules.decision.material_share**2 * self.judge.motion
-        matters = bool((best.mean_square - floor > limit)[present].any())
-        is_gap = has_gap(left(best), int(present.sum()), rules.search)
-        if size >= rules.search.most_effects or not (matters and is_gap):
+        if size >= rules.search.most_effects or not self._is_gap(best):
             return False
         if size == 1:
             return True

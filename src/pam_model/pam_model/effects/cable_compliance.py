@@ -31,7 +31,7 @@ EFFECT = Effect(
         ranges=lambda rig: {
             "compliance": Range(
                 0.0,
-                rig.stroke / rig.force,
+                3.0 * rig.stroke / rig.force,
                 0.1 * rig.stroke / rig.force,
                 (0.1 * rig.stroke / rig.force,),
             )

@@ -47,7 +47,7 @@ EFFECT = Effect(
                 logarithmic=True,
             )
         },
-        shown_by=("pulls",),
+        shown_by=("position", "pulls"),
     ),
     portrait=Portrait(
         sizes={"pressure": 4e4},
