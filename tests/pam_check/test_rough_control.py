@@ -121,6 +121,14 @@ def test_what_is_learnt_takes_the_place_of_the_integral_without_a_push(rough):
     assert played.activity < 16.0  # strokes/s, 22 with a push at each step of what is learnt
 
 
+@pytest.mark.parametrize("effect", ["viscous_friction", "end_caps"])
+def test_a_torque_whose_law_is_among_the_functions_is_learnt_in_the_first_stroke(rough, effect):
+    """The data count from the first samples on: 0.7 and 0.8 mrad where they had to wait."""
+    rough.controller.forget_adaptation()
+    played, _ = play(rough.controller, *rough.hidden(effect), rough.motions["arm"], 5)
+    assert played.rms < 0.6e-3
+
+
 @pytest.mark.parametrize(
     ("first", "last", "harmed"),
     [(0.63, 0.17, 1), (0.29, 0.29, 0), (0.17, 0.32, 1), (4.1, 4.0, 0), (4.3, 4.3, 2)],

@@ -255,6 +255,17 @@ def test_what_the_integral_gathers_while_a_joint_sticks_is_given_back(friction, 
     assert taken == pytest.approx(back, rel=0.03)
 
 
+def test_an_encoder_that_flickers_by_a_count_does_not_hide_that_a_joint_sticks():
+    stuck, integral, count = sticking(), 0.1, math.tau / 4096
+    for cycle in range(100):
+        integral += 0.002
+        given_back(stuck, (0.3, 0.0, 0.0), 0, 0.297 + count * (cycle % 2), integral, 0.5)
+    taken = sum(
+        given_back(stuck, (0.3 + 3e-4 * k, 0.15, 0.0), 0, 0.297, 0.0, 0.5) for k in range(100)
+    )
+    assert taken == pytest.approx(0.2, rel=0.03)
+
+
 def test_a_joint_that_moves_while_its_reference_rests_does_not_stick():
     stuck, integral = sticking(), 0.0
     for cycle in range(100):  # pushed back by a load that was put on

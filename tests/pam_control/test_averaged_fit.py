@@ -12,7 +12,7 @@ from pam_control.adaptation.motion_functions import (
     element,
     move_memory,
 )
-from pam_control.adaptation.normal_equations import CORRELATED
+from pam_control.adaptation.normal_equations import CORRELATED, SOLVED_EVERY
 from pam_control.adaptation.torque_adaptation import (
     DELAY,
     RIVALS,
@@ -167,6 +167,18 @@ def test_a_fit_that_explains_the_values_is_used_faster_than_one_that_does_not():
     good, doubtful = (missing(alike, left * NOISE, random) for left in (0.1, 10.0))
     assert doubtful > 0.2
     assert good < 0.6 * doubtful
+
+
+def test_a_fit_of_few_samples_is_solved_again_sooner_than_one_of_many():
+    random, found = np.random.default_rng(4), fit(Rival((0,), 0.0), deviations=(1.0,))
+    solutions = []
+    for _ in range(400):
+        first = random.standard_normal()
+        found.update(np.array([first]), 0.5 * first + NOISE * random.standard_normal(), 0.01)
+        solutions.append(found.fitted[0])
+    solved = np.diff(solutions) != 0.0
+    assert solved[5:25].all()
+    assert solved[-100:].sum() == pytest.approx(100 * 0.01 / SOLVED_EVERY, abs=3)
 
 
 def test_functions_of_the_law_are_used_by_the_share_of_the_values_that_they_explain():

@@ -63,6 +63,7 @@ from pam_model.plant.compiled import entry_point, for_kernel, listed
 
 PIVOTS: Final = 6  # exchanges of what is at its bound; the last sets are nearly always right
 BELIEVED_FOR: Final = 0.25  # s of motion, for which the believed error counts
+SOON: Final = 0.03  # of the motion that was seen: so often a fit of few samples is solved again
 FOLLOWS: Final = 0.3  # s of motion, in which the weights follow a fit that explains too little
 EXPLAINED: Final = 2.0  # times the noise, which the errors of a fit exceed that does so
 
@@ -205,7 +206,7 @@ def take_rival_sample(
 
     The rows are those of `AveragedFit`.
     """
-    if add_sample(state, products, rows[WANTED], functions, value, duration, kept):
+    if add_sample(state, products, rows[WANTED], functions, value, duration, kept, SOON):
         fit_rivals(given, state, rows, products, rivals, penalties, held, solutions, scratch)
     fitted, followed, nothing = rows[FITTED], rows[FOLLOWED], True
     nearer = -math.expm1(-duration / max(FOLLOWS * state[UNEXPLAINED], duration))

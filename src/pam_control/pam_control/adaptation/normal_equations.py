@@ -29,7 +29,7 @@ SEEN, ENERGY, UNSOLVED, N_SUMS = range(4)
 
 def add_sample(
     state: Any, products: Any, wanted: Any, functions: Any, value: float, duration: float,
-    kept: float,
+    kept: float, soon: float = math.inf,
 ) -> bool:  # fmt: skip
     """Let older samples fade, and add one; return whether the fit is to be solved again.
 
@@ -49,6 +49,8 @@ def add_sample(
         Time since the sample before [s].
     kept : float
         Share of the older sums that stays [-].
+    soon : float, optional
+        Share of the time that was seen [-], after which a fit of few samples is solved again.
     """
     share = duration / CORRELATED
     for i in range(len(wanted)):
@@ -59,7 +61,7 @@ def add_sample(
     state[ENERGY] = kept * state[ENERGY] + share * value * value
     state[SEEN] = kept * state[SEEN] + share
     state[UNSOLVED] += duration
-    if state[UNSOLVED] < SOLVED_EVERY:
+    if state[UNSOLVED] < min(SOLVED_EVERY, soon * CORRELATED * state[SEEN]):
         return False
     state[UNSOLVED] = 0.0
     return True

@@ -79,7 +79,7 @@ from pam_model.plant.compiled import listed
 FILTER: Final = 0.03  # s, T
 EVERY: Final = 0.01  # s between two updates of the fit
 NOISE: Final = 1.5e-4  # of the largest torque; a rig that matches its file leaves two thirds of it
-ERRORS: Final = 5e-4  # of the largest torque: what a fit leaves that has seen little
+ERRORS: Final = 2.5e-4  # of the largest torque: what a fit leaves that has seen little
 TRIFLE: Final = 1e-3  # of the largest torque; less is left to the feedback
 SLOW: Final = 0.1  # rad/s; below it a sample counts by the way, not by the time
 VISCOUS: Final = 3  # index of the speed

@@ -24,7 +24,8 @@ from typing import Any, Final
 from pam_control.limited import limited
 from pam_control.rows.plan_rows import Y_GATHERED, Y_PLACE, Y_STUCK_INTEGRAL, Y_TARGET
 
-STICKS: Final = 1.5e-3  # rad, in which the position of a joint that sticks stays
+STICKS: Final = 2e-3  # rad, in which a joint that sticks stays: the rig file names no encoder's
+# count, and the largest usual one, of 4096 counts, flickers by 1.5 mrad
 TRAVEL: Final = 4e-3  # rad of the reference, in which the torque is given back
 
 
