@@ -20,7 +20,7 @@ EFFECT = Effect(
     description="elastic series element between muscle and pulley",
     law="L = L_path - c_c F; the gas volume is that at L",
     source="series spring",
-    parameters={"compliance": EffectParameter("c_c", "m/N", 0.0, 0.0, 1e-3, "stretch per force")},
+    parameters={"compliance": EffectParameter("c_c", "m/N", 0.0, 0.0, 5e-3, "stretch per force")},
     slots=(Adjusts("series_compliance", series_compliance),),
     control=Included(
         "included in the muscle force and inverted by iteration; included in the gas volume, which "
