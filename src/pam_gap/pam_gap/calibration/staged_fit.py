@@ -248,37 +248,3 @@ def fit_together(
         if turn < rules.rounds - 1:
             valves = valves.moved(fitted.result.amounts)
     return JointFit(fitter, fitted)
-
-
-def fit_beside_kept(
-    fitter: HypothesisFitter, kept: Sequence[int], values: Array, rules: CalibrationRules
-) -> Array:
-    """Values of all numbers if some are not fitted but kept.
-
-    Parameters
-    ----------
-    fitter : HypothesisFitter
-        Of `fit_together`.
-    kept : sequence of int
-        Places of the numbers that are kept.
-    values : ndarray, shape (n,)
-        Of all numbers; those that are kept, and where the fit of the others begins.
-    rules : CalibrationRules
-        Steps of the fit.
-    """
-    nuisances = fitter.nuisances
-    own = [place for place in range(len(nuisances)) if place not in kept]
-    problem = fitter.problem.based_on(
-        {
-            nuisances[k].targets[0]: float(values[k])
-            for k in kept
-            if nuisances[k].targets[0] in INDEX
-        }
-    )
-    beside = HypothesisFitter(problem, fitter.floor, [nuisances[k] for k in own])
-    beside.nuisances = tuple(nuisances[k] for k in own)
-    beside.parts = beside.background = fitter.background
-    fitted = beside.fit((), values[own], max_iterations=rules.kept_steps)
-    result = values.copy()
-    result[own] = fitted.result.values
-    return result
