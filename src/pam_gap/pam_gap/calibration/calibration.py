@@ -33,9 +33,11 @@ from pam_gap.calibration.staged_fit import (
     fit_stage,
     fit_together,
     stages,
+    without_false_stops,
 )
 from pam_gap.diagnose_recordings import usable_parts
 from pam_gap.inference.hypothesis import Hypothesis
+from pam_gap.prediction.channel_order import POSITION
 from pam_gap.prediction.directions import Direction, valve_phase
 from pam_gap.prediction.fit import Array
 from pam_gap.prediction.gap_figures import GapFigure, gap_figures
@@ -134,7 +136,8 @@ def calibrate_joint(
     def problem_of(what: Rig, some: Sequence[Recording]) -> PredictionProblem:
         parts = usable_parts(what, number, some)
         usual = PredictionSettings(rules.horizon)
-        return PredictionProblem(what, number, parts, threads=threads, usual=usual)
+        found = PredictionProblem(what, number, parts, threads=threads, usual=usual)
+        return without_false_stops(found, rules) if found.recorded[POSITION] else found
 
     progress("wiring", 0.0)
     problem = problem_of(rig, recordings)

@@ -50,6 +50,8 @@ class CalibrationRules:
     # curvature of each number looked like knowledge of the size of all lengths together.
     difference: float = 0.02
     fine_step: float = 5e-4
+    # how far from the farthest measured angle a simulated joint may meet a stop [rad]
+    stop_margin: float = 0.02
     # seconds up to which errors are correlated: a supply wanders, friction depends on the motion
     lags: int = 4
     # number of samples whose correlated errors say as much as one of independent errors; what was

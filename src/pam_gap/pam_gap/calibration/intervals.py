@@ -14,6 +14,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from pam_gap.calibration.calibration_rules import CalibrationRules
 from pam_gap.calibration.last_steps import FittedPoint, all_free
@@ -21,6 +22,9 @@ from pam_gap.inference.confidence import NORMAL_90
 from pam_gap.inference.held_out import make_folds
 from pam_gap.inference.hypothesis import HypothesisFitter
 from pam_gap.prediction.fit import Array, FreeParameter, Scaling, mean_squares
+
+REGULAR = 1e-10
+"""Added to normal equations, over their own diagonal: of some numbers, nothing at all is known."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,9 +61,7 @@ class Knowledge:
         """
         n, kept = self.values.size, list(kept)
         own = np.setdiff1d(np.arange(n), kept)
-        whole = self.hessian + np.diag(self.prior)
-        whole[np.diag_indices(n)] += 1e-9 * np.diag(whole) + 1e-12
-        inverse = np.linalg.inv(whole[np.ix_(own, own)])
+        inverse = self._inverse(own)
         # what was known beforehand has the weight of so many independent observations
         pull = self.score[np.ix_(own, own)] + self.weight * np.diag(self.prior[own])
         errors = self.weight / self.prior[kept]
@@ -104,11 +106,18 @@ class Knowledge:
         own = np.setdiff1d(np.arange(self.values.size), kept)
         at = scaling.scaled(self.values)
         moved = scaling.centre[kept] - at[kept]
-        whole = self.hessian + np.diag(self.prior)
-        whole[np.diag_indices(at.size)] += 1e-9 * np.diag(whole) + 1e-12
         at[kept] += moved
-        at[own] -= np.linalg.solve(whole[np.ix_(own, own)], whole[np.ix_(own, kept)] @ moved)
+        at[own] -= self._inverse(own) @ self.hessian[np.ix_(own, kept)] @ moved
         return scaling.own(np.clip(at, scaling.low, scaling.high))
+
+    def _inverse(self, own: npt.NDArray[np.intp]) -> Array:
+        """Inverse of the normal equations of some numbers, with what was known before."""
+        whole = (self.hessian + np.diag(self.prior))[np.ix_(own, own)]
+        size = np.sqrt(np.diag(whole) + 1e-12)
+        result: Array = np.linalg.inv(
+            whole / np.outer(size, size) + REGULAR * np.eye(own.size)
+        ) / np.outer(size, size)
+        return result
 
     def about(self, place: int, value: float, deviation: float) -> tuple[float, float]:
         """The 90 % interval of one number about a value, within its bounds."""

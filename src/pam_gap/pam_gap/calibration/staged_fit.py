@@ -58,6 +58,23 @@ def motion_records(problem: PredictionProblem) -> list[MotionRecord]:
     ]
 
 
+def without_false_stops(problem: PredictionProblem, rules: CalibrationRules) -> PredictionProblem:
+    """The problem with stops that the joint does not meet where it has moved.
+
+    A stop that the joint has passed is not where the rig file says: its encoder has another zero.
+    The simulated joint would lose its speed there, and whether it just reaches the stop would
+    depend on every number.
+    """
+    low, high = (problem.base[f"joint.{end}_limit"] for end in ("lower", "upper"))
+    angles = [data.measured[:, POSITION] for data in problem.data]
+    least = float(np.min([np.nanmin(one) for one in angles])) - rules.stop_margin
+    most = float(np.max([np.nanmax(one) for one in angles])) + rules.stop_margin
+    if low <= least and most <= high:
+        return problem
+    changed = {"joint.lower_limit": min(low, least), "joint.upper_limit": max(high, most)}
+    return problem.based_on(changed)
+
+
 def first_numbers(
     problem: PredictionProblem, partial: PartialRig, lengths: Mapping[str, float]
 ) -> dict[str, float]:
