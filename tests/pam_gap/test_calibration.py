@@ -18,8 +18,9 @@ from pam_gap.calibration.calibration_rules import DEFAULT
 from pam_gap.calibration.free_numbers import Said, free_numbers, ordinary_numbers
 from pam_gap.calibration.intervals import Knowledge
 from pam_gap.calibration.last_steps import FittedPoint, last_steps
-from pam_gap.calibration.staged_fit import motion_records
+from pam_gap.calibration.staged_fit import motion_records, without_false_stops
 from pam_gap.inference.hypothesis import HypothesisFitter
+from pam_gap.prediction.channel_order import POSITION
 from pam_gap.prediction.fit import Array, FreeParameter, Scaling, mean_squares
 from pam_gap.prediction.gap_figures import noise_level
 from pam_gap.prediction.problem import PredictionProblem
@@ -197,6 +198,24 @@ def test_the_last_steps_find_the_size_that_the_rig_file_says(rig: Rig, record: M
     weights = 1.0 / np.maximum(mean_squares(point.errors, problem.counted), floor)
     seen = np.nansum(weights * np.square(slope[problem.counted]))
     assert seen < 0.05 * written
+
+
+def test_a_stop_that_the_log_passes_is_not_simulated(rig: Rig, record: Maker) -> None:
+    """The zero of an encoder was 5 mrad off, and a gravity torque 27 %, 26 deviations."""
+    joint, log = rig.joints[0], record({}, duration=8.0)
+    angles = log.values[f"joint_states.{joint.name}.position"]
+    low, high = float(np.min(angles)), float(np.max(angles))
+    narrow = rig.with_joint(replace(joint, position_limits=(0.98 * low, 0.98 * high)))
+    wide = rig.with_joint(replace(joint, position_limits=(low - 0.1, high + 0.1)))
+    some, other = (PredictionProblem(one, 0, [log]) for one in (narrow, wide))
+    assert without_false_stops(other, DEFAULT) is other
+    stopped = some.errors(some.base.values[None])[0, some.counted, POSITION]
+    freed = without_false_stops(some, DEFAULT)
+    right, free = (
+        one.errors(one.base.values[None])[0, one.counted, POSITION] for one in (other, freed)
+    )
+    assert free == pytest.approx(right, abs=1e-6)
+    assert np.max(np.abs(stopped - right)) > 10.0
 
 
 def test_the_prediction_gets_better(found: Calibration) -> None:
