@@ -13,7 +13,13 @@ import pytest
 import yaml
 
 from pam_gap.__main__ import main
-from pam_gap.calibration.calibration import DETERMINED, KEPT, Calibration, calibrate_joint
+from pam_gap.calibration.calibration import (
+    DETERMINED,
+    KEPT,
+    Calibration,
+    calibrate_joint,
+    one_valve_reversed,
+)
 from pam_gap.calibration.calibration_rules import DEFAULT
 from pam_gap.calibration.free_numbers import Said, free_numbers, ordinary_numbers
 from pam_gap.calibration.intervals import Knowledge
@@ -21,6 +27,7 @@ from pam_gap.calibration.last_steps import FittedPoint, last_steps
 from pam_gap.calibration.staged_fit import motion_records, without_false_stops
 from pam_gap.inference.hypothesis import HypothesisFitter
 from pam_gap.prediction.channel_order import POSITION
+from pam_gap.prediction.directions import valve_phase
 from pam_gap.prediction.fit import Array, FreeParameter, Scaling, mean_squares
 from pam_gap.prediction.gap_figures import noise_level
 from pam_gap.prediction.problem import PredictionProblem
@@ -34,6 +41,8 @@ from pam_model.rig.partial import PartialRig, load_partial_rig
 from .conftest import Maker
 
 SAID = Said(1.0 / 3.0, 0.05)
+OTHERS = 1.3
+"""Pressures that do not follow the commands, over those that do."""
 OFF = {
     "inertia": 1.25,
     "viscous_friction": 0.75,
@@ -259,6 +268,27 @@ def test_an_exchange_is_named_and_gives_no_rig_file(rig: Rig, log: Recording, tu
     assert answer.rig is None
     assert answer.wiring and answer.refused == answer.wiring
     assert "exchanged" in answer.wiring[0] or "reversed" in answer.wiring[0]
+
+
+def test_one_reversed_valve_is_named_although_others_move_the_joint(
+    rig: Rig, log: Recording
+) -> None:
+    """Half of the pressure rate was the motion's, and the robot was calibrated with the sign."""
+    random, values = np.random.default_rng(1), dict(log.values)
+    for name in rig.joints[0].muscles:
+        key = f"pressure_states.{name}"
+        push = np.cumsum(random.normal(size=log.time.size))
+        values[key] = values[key] + OTHERS * np.ptp(values[key]) / np.ptp(push) * push
+    second = f"valve_commands.{rig.joints[0].muscles[1]}"
+    assert (
+        one_valve_reversed(PredictionProblem(rig, 0, [replace(log, values=values)]), DEFAULT) == ()
+    )
+    values[second] = -values[second]
+    problem = PredictionProblem(rig, 0, [replace(log, values=values)])
+    coherence = [valve_phase(problem, side, DEFAULT.slow_band).coherence for side in (0, 1)]
+    assert min(coherence) < problem.rules.recording.direction_coherence
+    (answer,) = one_valve_reversed(problem, DEFAULT)
+    assert rig.joints[0].muscles[1] in answer and "reversed" in answer
 
 
 def test_from_files_to_a_rig_file_that_every_tool_reads(

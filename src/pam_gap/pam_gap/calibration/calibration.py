@@ -38,7 +38,7 @@ from pam_gap.calibration.staged_fit import (
 from pam_gap.diagnose_recordings import usable_parts
 from pam_gap.inference.hypothesis import Hypothesis
 from pam_gap.prediction.channel_order import POSITION
-from pam_gap.prediction.directions import Direction, valve_phase
+from pam_gap.prediction.directions import valve_phase
 from pam_gap.prediction.fit import Array
 from pam_gap.prediction.gap_figures import GapFigure, gap_figures
 from pam_gap.prediction.identifiable import what_is_missing
@@ -185,12 +185,19 @@ def exchanges(
 
 
 def one_valve_reversed(problem: PredictionProblem, rules: CalibrationRules) -> tuple[str, ...]:
-    """A valve whose pressure goes against its command, while the other one's follows its own."""
+    """A valve whose pressure goes against its command, while the other one's follows its own.
+
+    Two valves that disagree are evidence together, so that less coherence is needed than for one.
+    """
     muscles = problem.rig.joints[problem.joint].muscles
     phases = [valve_phase(problem, side, rules.slow_band) for side in range(len(muscles))]
-    if {phase.direction for phase in phases} != {Direction.AGREES, Direction.OPPOSED}:
+    least = min(phase.coherence for phase in phases)
+    against = [phase.phase > 90.0 for phase in phases]
+    off = max(min(phase.phase, 180.0 - phase.phase) for phase in phases)
+    near = problem.rules.recording.direction_phase
+    if least < rules.valve_coherence or off > near or sum(against) != 1:
         return ()
-    side = [phase.direction for phase in phases].index(Direction.OPPOSED)
+    side = against.index(True)
     return (
         f"Wrong wiring: the sign of the valve command of {muscles[side]} is reversed: "
         f"{phases[side].words('the command', 'the pressure')}; they should agree, at a phase near "

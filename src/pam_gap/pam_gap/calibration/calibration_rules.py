@@ -70,6 +70,8 @@ class CalibrationRules:
     narrowed_length: float = 0.95
     # upper end of the band in which a pressure follows its command, and a force its pressure [Hz]
     slow_band: float = 5.0
+    # least coherence of both valves in this band at which one is reversed and the other is not
+    valve_coherence: float = 0.3
     withheld: float = 0.2  # share of a single recording that takes no part in the fit
     # RMS error of the fit over the motion of a channel, above which nothing is written
     misfit: float = 0.15
