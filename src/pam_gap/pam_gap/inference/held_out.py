@@ -20,7 +20,7 @@ from pam_gap.inference.hypothesis import FitTask, Hypothesis, HypothesisFitter, 
 from pam_gap.inference.score import Score
 from pam_gap.prediction.channel_order import POSITION
 from pam_gap.prediction.channels import block_means
-from pam_gap.prediction.fit import Array
+from pam_gap.prediction.fit import Array, mean_squares
 from pam_gap.prediction.problem import PredictionProblem
 from pam_model.robot import compose
 
@@ -59,6 +59,7 @@ class HeldOut(Score):
         counts: Array,
         fold_values: tuple[Array, ...] = (),
         simulated_sums: Array | None = None,
+        change: Array | None = None,
     ) -> HeldOut:
         """The score of a hypothesis from its block sums."""
         free = sum(len(member.free) for member in hypothesis.members)
@@ -73,6 +74,7 @@ class HeldOut(Score):
             ordinary=hypothesis.ordinary,
             cut_off=tuple(dict.fromkeys(effect for effect, *_ in hypothesis.at_the_end)),
             simulated_sums=simulated_sums,
+            change=change,
         )
 
 
@@ -159,6 +161,15 @@ def score_held_out(fitter: HypothesisFitter, folds: Folds, hypothesis: Hypothesi
     return score_all(fitter, folds, [hypothesis])[0]
 
 
+def _changes(fitter: HypothesisFitter, folds: Folds, hypotheses: Sequence[Hypothesis]) -> Array:
+    """Mean squared change that the effects of each hypothesis make, shape (n, channels)."""
+    own = len(fitter.nuisances)
+    lanes = [fitter.vector((), h.result.values[:own]) for h in hypotheses]
+    without = fitter.problem.errors(np.stack(lanes))
+    fitted = np.stack([h.simulated for h in hypotheses])
+    return mean_squares(without - fitted, folds.used)
+
+
 def score_all(
     fitter: HypothesisFitter, folds: Folds, hypotheses: Sequence[Hypothesis]
 ) -> list[HeldOut]:
@@ -182,6 +193,7 @@ def score_all(
         for own, _ in folds.turns
     ]
     parts = iter(fitter.fit_all(tasks))
+    changes = iter(_changes(fitter, folds, [h for h in hypotheses if h.members]))
     scores: list[HeldOut] = []
     for h, fitted in zip(hypotheses, is_fitted, strict=True):
         sums = np.zeros((folds.n_blocks, h.result.errors.shape[1]))
@@ -194,5 +206,6 @@ def score_all(
             sums += more_sums
             counts += more_counts
             simulated += block_sums(part.simulated, folds, other)[0]
-        scores.append(HeldOut.of(h, sums, counts, tuple(values), simulated))
+        change = next(changes) if h.members else np.zeros_like(sums[0])
+        scores.append(HeldOut.of(h, sums, counts, tuple(values), simulated, change))
     return scores

@@ -86,9 +86,14 @@ class Judge:
         return self.share_of(best.mean_square, background)
 
     def share_of(self, mean_square: Array, background: Array) -> float:
-        """The same for the mean squares that one hypothesis leaves, shape (channels,)."""
-        usual = background[self.present]
-        left = np.maximum((mean_square - self.noise)[self.present], 1e-9 * usual)
+        """The same for the mean squares that one hypothesis leaves, shape (channels,).
+
+        Less than what nobody would look for above the noise (`no_gap`) counts as that much: a
+        channel whose background hardly stands out of its noise says little of its share.
+        """
+        usual, noise = background[self.present], self.noise[self.present]
+        least = np.expm1(self.rules.search.no_gap) * noise
+        left = np.maximum(mean_square[self.present] - noise, least)
         return self.rules.decision.background_reach * float(np.exp(np.mean(np.log(left / usual))))
 
     def set_floor(self, scores: Sequence[Score]) -> None:

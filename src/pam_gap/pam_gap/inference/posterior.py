@@ -161,6 +161,17 @@ def _beyond_simpler_laws(scores: Sequence[Score], likelihood: Array) -> Array:
     return found
 
 
+def _change(score: Score, without: Array, present: np.ndarray) -> Array:
+    """Mean squared change that the causes of a hypothesis make in each channel.
+
+    Of what no effect of the table describes, only the fall of the error is known.
+    """
+    if score.change is None:
+        fall: Array = np.maximum(without - score.mean_square[present], 0.0)
+        return fall
+    return score.change[present] if score.causes else np.zeros_like(without)
+
+
 def _beliefs(evidence: Evidence[Any], rules: Rules) -> tuple[dict[str, float], dict[str, float]]:
     """Log of prior times likelihood of each set of causes, and of each kind of cause outside.
 
@@ -178,7 +189,7 @@ def _beliefs(evidence: Evidence[Any], rules: Rules) -> tuple[dict[str, float], d
     over = np.log(np.maximum(left / (noise + background), 1.0)).sum(axis=1)
     usual = [k for k, score in enumerate(scores) if not score.causes and not score.unlisted]
     without = left[min(usual, key=over.__getitem__)]
-    change = np.maximum(without - left, 0.0)
+    change = np.array([_change(score, without, present) for score in scores])
     is_sharp = np.array([SEVERAL.isdisjoint(one.causes) and not one.unlisted for one in scores])
     likelihood = log_likelihood(left, noise, background, change, is_sharp, statement)
     likelihood = _beyond_simpler_laws(scores, likelihood)
@@ -186,7 +197,7 @@ def _beliefs(evidence: Evidence[Any], rules: Rules) -> tuple[dict[str, float], d
     prior, outside = prior_of_sets(statement), _prior_outside(evidence, statement)
     beforehand = np.array([
         prior[min(score.size, len(prior) - 1)] if not score.unlisted
-        else outside - statement.flexible_price if score is evidence.flexible
+        else outside - statement.flexible_price * noise.size if score is evidence.flexible
         else outside - log(len(evidence.unlisted))
         for score in scores
     ])  # fmt: skip
