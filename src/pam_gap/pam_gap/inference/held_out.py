@@ -19,7 +19,6 @@ import numpy as np
 from pam_gap.inference.hypothesis import FitTask, Hypothesis, HypothesisFitter, Rows
 from pam_gap.inference.score import Score
 from pam_gap.prediction.channel_order import POSITION
-from pam_gap.prediction.channels import block_means
 from pam_gap.prediction.fit import Array, mean_squares
 from pam_gap.prediction.problem import PredictionProblem
 from pam_model.robot import compose
@@ -89,7 +88,7 @@ def held_lengths(problem: PredictionProblem) -> np.ndarray | None:
     rules = problem.rules.search
     position = np.concatenate(
         [
-            block_means(data.measured[:, POSITION], problem.block)[: int(end - start)]
+            data.rows(data.measured[:, POSITION])[: int(end - start)]
             for data, start, end in zip(
                 problem.data, problem.offsets[:-1], problem.offsets[1:], strict=True
             )
