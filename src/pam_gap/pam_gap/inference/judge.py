@@ -70,9 +70,10 @@ class Judge:
     def background_share(self, scores: Sequence[Score], background: Array) -> float:
         """Share of a background that counts, from what the best hypothesis leaves of it.
 
-        A background acts on all channels together, so that one share of it, the geometric mean
-        over the channels, holds for all; a margin is added. Hypotheses with effects of ordinary
-        size do not count, because these belong to the background themselves.
+        A background acts on all channels together, so that one share of it, the mean over the
+        channels, holds for all; a margin is added. A channel whose background hardly stands out of
+        its noise is then no proof of the others. Hypotheses with effects of ordinary size do not
+        count, because these belong to the background themselves.
 
         Parameters
         ----------
@@ -86,15 +87,10 @@ class Judge:
         return self.share_of(best.mean_square, background)
 
     def share_of(self, mean_square: Array, background: Array) -> float:
-        """The same for the mean squares that one hypothesis leaves, shape (channels,).
-
-        Less than what nobody would look for above the noise (`no_gap`) counts as that much: a
-        channel whose background hardly stands out of its noise says little of its share.
-        """
-        usual, noise = background[self.present], self.noise[self.present]
-        least = np.expm1(self.rules.search.no_gap) * noise
-        left = np.maximum(mean_square[self.present] - noise, least)
-        return self.rules.decision.background_reach * float(np.exp(np.mean(np.log(left / usual))))
+        """The same for the mean squares that one hypothesis leaves, shape (channels,)."""
+        usual = background[self.present]
+        left = np.maximum((mean_square - self.noise)[self.present], 0.0)
+        return self.rules.decision.background_reach * float(np.mean(left / usual))
 
     def set_floor(self, scores: Sequence[Score]) -> None:
         """Set the floor against which hypotheses are judged, from the scores of all of them.

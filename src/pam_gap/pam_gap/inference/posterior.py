@@ -161,15 +161,16 @@ def _beyond_simpler_laws(scores: Sequence[Score], likelihood: Array) -> Array:
     return found
 
 
-def _change(score: Score, without: Array, present: np.ndarray) -> Array:
-    """Mean squared change that the causes of a hypothesis make in each channel.
+def _changes(scores: Sequence[Score], fall: Array, present: np.ndarray) -> Array:
+    """Mean squared change that the causes of each hypothesis make, shape (hypotheses, channels).
 
     Of what no effect of the table describes, only the fall of the error is known.
     """
-    if score.change is None:
-        fall: Array = np.maximum(without - score.mean_square[present], 0.0)
-        return fall
-    return score.change[present] if score.causes else np.zeros_like(without)
+    found = fall.copy()
+    for place, score in enumerate(scores):
+        if score.change is not None:
+            found[place] = score.change[present] if score.causes else 0.0
+    return np.nan_to_num(found, nan=DIVERGED, posinf=DIVERGED)
 
 
 def _beliefs(evidence: Evidence[Any], rules: Rules) -> tuple[dict[str, float], dict[str, float]]:
@@ -189,7 +190,7 @@ def _beliefs(evidence: Evidence[Any], rules: Rules) -> tuple[dict[str, float], d
     over = np.log(np.maximum(left / (noise + background), 1.0)).sum(axis=1)
     usual = [k for k, score in enumerate(scores) if not score.causes and not score.unlisted]
     without = left[min(usual, key=over.__getitem__)]
-    change = np.array([_change(score, without, present) for score in scores])
+    change = _changes(scores, np.maximum(without - left, 0.0), present)
     is_sharp = np.array([SEVERAL.isdisjoint(one.causes) and not one.unlisted for one in scores])
     likelihood = log_likelihood(left, noise, background, change, is_sharp, statement)
     likelihood = _beyond_simpler_laws(scores, likelihood)
