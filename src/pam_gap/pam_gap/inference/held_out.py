@@ -18,7 +18,7 @@ import numpy as np
 
 from pam_gap.inference.hypothesis import FitTask, Hypothesis, HypothesisFitter, Rows
 from pam_gap.inference.score import Score
-from pam_gap.prediction.channel_order import POSITION
+from pam_gap.prediction.channel_order import N_CHANNELS, POSITION
 from pam_gap.prediction.fit import Array, mean_squares
 from pam_gap.prediction.problem import PredictionProblem
 from pam_model.robot import compose
@@ -162,11 +162,14 @@ def score_held_out(fitter: HypothesisFitter, folds: Folds, hypothesis: Hypothesi
 
 def _changes(fitter: HypothesisFitter, folds: Folds, hypotheses: Sequence[Hypothesis]) -> Array:
     """Mean squared change that the effects of each hypothesis make, shape (n, channels)."""
-    own = len(fitter.nuisances)
-    lanes = [fitter.vector((), h.result.values[:own]) for h in hypotheses]
-    without = fitter.problem.errors(np.stack(lanes))
-    fitted = np.stack([h.simulated for h in hypotheses])
-    return mean_squares(without - fitted, folds.used)
+    own, known = len(fitter.nuisances), [h for h in hypotheses if h.members]
+    found = np.zeros((len(hypotheses), N_CHANNELS))
+    if known:
+        lanes = np.stack([fitter.vector((), h.result.values[:own]) for h in known])
+        fitted = np.stack([h.simulated for h in known])
+        changes = mean_squares(fitter.problem.errors(lanes) - fitted, folds.used)
+        found[[bool(h.members) for h in hypotheses]] = changes
+    return found
 
 
 def score_all(
@@ -192,9 +195,9 @@ def score_all(
         for own, _ in folds.turns
     ]
     parts = iter(fitter.fit_all(tasks))
-    changes = iter(_changes(fitter, folds, [h for h in hypotheses if h.members]))
+    changes = _changes(fitter, folds, hypotheses)
     scores: list[HeldOut] = []
-    for h, fitted in zip(hypotheses, is_fitted, strict=True):
+    for h, fitted, change in zip(hypotheses, is_fitted, changes, strict=True):
         sums = np.zeros((folds.n_blocks, h.result.errors.shape[1]))
         counts, simulated = np.zeros_like(sums), np.zeros_like(sums)
         values: list[Array] = []
@@ -205,6 +208,5 @@ def score_all(
             sums += more_sums
             counts += more_counts
             simulated += block_sums(part.simulated, folds, other)[0]
-        change = next(changes) if h.members else np.zeros_like(sums[0])
         scores.append(HeldOut.of(h, sums, counts, tuple(values), simulated, change))
     return scores
