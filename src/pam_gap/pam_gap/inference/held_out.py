@@ -178,7 +178,8 @@ def score_all(
     """Held-out scores of several hypotheses; all their fits run side by side.
 
     The amounts of an ordinary background are those of all data. They are not what is tested, and
-    a drift that was fitted to one fold would be carried on into the other.
+    a drift that was fitted to one fold would be carried on into the other. An effect that only one
+    fold shows keeps about its size in the fit to the other one.
     """
     is_fitted = [bool(h.result.values.size) for h in hypotheses]
     tasks = [
@@ -189,6 +190,7 @@ def score_all(
             cached=h.result.jacobian,
             amounts=h.result.amounts,
             is_bare=not h.result.amounts.size,
+            stays=True,
         )
         for h, fitted in zip(hypotheses, is_fitted, strict=True)
         if fitted
