@@ -53,10 +53,10 @@ def test_most_of_a_long_recording_is_not_simulated_for_candidates(
 
     monkeypatch.setattr(PredictionProblem, "errors", counted)
     long = record(VOLUMES, duration=LONG)
-    whole = JointDiagnosis(rig, 0, [long]).effect_search()
-    assert search_of_the_beginning(whole) is None  # 250 Hz: too few rows
-    rules = replace(DEFAULT, search=replace(DEFAULT.search, search_rows=500))
-    engine = JointDiagnosis(rig, 0, [long], DiagnosisOptions(rules=rules))
+    rules = replace(DEFAULT, search=replace(DEFAULT.search, search_rows=5000))
+    whole = JointDiagnosis(rig, 0, [long], DiagnosisOptions(rules=rules)).effect_search()
+    assert search_of_the_beginning(whole) is None  # too few rows
+    engine = JointDiagnosis(rig, 0, [long])
     few = [c for c in engine.candidates if c.effect in ("dead_volume", "leakage", "payload")]
     engine.candidates = few
     small = search_of_the_beginning(engine.effect_search())
