@@ -123,21 +123,6 @@ def test_a_law_with_several_forms_may_leave_more_than_one_with_a_single_form() -
     assert several > single + 1.0
 
 
-def test_the_error_of_a_law_follows_from_the_change_and_not_from_the_fall_of_the_error() -> None:
-    """Re-tuned numbers can hide in one channel what a cause does there."""
-    plain = score((), 1.0)
-    nominal = replace(plain, sums=plain.sums * [4.0, 900.0, 900.0])
-    law = replace(score(("leakage",), 1.0), sums=plain.sums * [25.0, 1.0, 1.0])
-    rival = replace(score(("creep",), 1.0), sums=plain.sums * [4.0, 9.0, 9.0])
-    known = replace(law, change=np.full(CHANNELS, 100_000.0))
-
-    def probability(one: Score) -> float:
-        kept = replace(evidence(9.0, one, rival), nominal=nominal)
-        return posterior(kept, DEFAULT)["leakage"]
-
-    assert probability(known) > probability(law) + 0.05
-
-
 def test_a_free_number_has_its_price() -> None:
     """Of two causes that leave the same, the one with fewer free numbers is more probable."""
     few, many = score(("creep",), 1.0), score(("leakage",), 1.0)

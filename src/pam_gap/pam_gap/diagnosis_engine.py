@@ -249,8 +249,7 @@ class JointDiagnosis:
             return None
         errors = nominal.hypothesis.result.errors
         share = share_of_a_flexible_law(self.problem, self.folds, errors)
-        sums = nominal.sums * (1.0 - share)
-        return replace(nominal, sums=sums, unlisted=FLEXIBLE, change=None)
+        return replace(nominal, sums=nominal.sums * (1.0 - share), unlisted=FLEXIBLE)
 
     def not_identifiable(self, missing: Sequence[str]) -> Diagnosis:
         """The answer for recordings that do not hold enough; nothing is searched."""

@@ -23,7 +23,7 @@ from pam_gap.recordings.array_files import npz_arrays
 from pam_model.errors import PamError
 from pam_model.reading import reading
 
-FORMAT = 8
+FORMAT = 7
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,13 +94,7 @@ class Evidence[S: Score]:
             sums=np.array([s.sums for s in scores]),
             simulated_sums=np.array([s.simulated.sums for s in scores]),
             counts=np.array([s.counts for s in scores]),
-            changes=np.array([_stored(s.change, self.floor) for s in scores]),
         )
-
-
-def _stored(change: Array | None, like: Array) -> Array:
-    """The change of a score for the file: NaN for one that is not known."""
-    return np.full_like(like, np.nan) if change is None else change
 
 
 def load_evidence(path: Path) -> Evidence[Score]:
@@ -117,13 +111,13 @@ def load_evidence(path: Path) -> Evidence[Score]:
 
 def _of(path: Path, file: Mapping[str, Any]) -> Evidence[Score]:
     about = json.loads(str(file["about"]))
+    sums, counts = file["sums"], file["counts"]
+    simulated = file["simulated_sums"]
     if about.get("format") != FORMAT:
         raise PamError(
             f"{path}: evidence of format {about.get('format')}; expected {FORMAT}: run the "
             "diagnosis again with --keep-evidence"
         )
-    sums, counts, simulated = file["sums"], file["counts"], file["simulated_sums"]
-    changes = [None if np.isnan(one).all() else one for one in file["changes"]]
     scores = [
         Score(
             tuple(effects),
@@ -135,7 +129,6 @@ def _of(path: Path, file: Mapping[str, Any]) -> Evidence[Score]:
             simulated_sums=simulated[k],
             unlisted=unlisted,
             cut_off=tuple(*cut_off),
-            change=changes[k],
         )
         for k, (effects, label, free, ordinary, unlisted, *cut_off) in enumerate(about["scores"])
     ]

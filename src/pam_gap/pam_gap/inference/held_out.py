@@ -18,8 +18,8 @@ import numpy as np
 
 from pam_gap.inference.hypothesis import FitTask, Hypothesis, HypothesisFitter, Rows
 from pam_gap.inference.score import Score
-from pam_gap.prediction.channel_order import N_CHANNELS, POSITION
-from pam_gap.prediction.fit import Array, mean_squares
+from pam_gap.prediction.channel_order import POSITION
+from pam_gap.prediction.fit import Array
 from pam_gap.prediction.problem import PredictionProblem
 from pam_model.robot import compose
 
@@ -58,7 +58,6 @@ class HeldOut(Score):
         counts: Array,
         fold_values: tuple[Array, ...] = (),
         simulated_sums: Array | None = None,
-        change: Array | None = None,
     ) -> HeldOut:
         """The score of a hypothesis from its block sums."""
         free = sum(len(member.free) for member in hypothesis.members)
@@ -73,7 +72,6 @@ class HeldOut(Score):
             ordinary=hypothesis.ordinary,
             cut_off=tuple(dict.fromkeys(effect for effect, *_ in hypothesis.at_the_end)),
             simulated_sums=simulated_sums,
-            change=change,
         )
 
 
@@ -160,18 +158,6 @@ def score_held_out(fitter: HypothesisFitter, folds: Folds, hypothesis: Hypothesi
     return score_all(fitter, folds, [hypothesis])[0]
 
 
-def _changes(fitter: HypothesisFitter, folds: Folds, hypotheses: Sequence[Hypothesis]) -> Array:
-    """Mean squared change that the effects of each hypothesis make, shape (n, channels)."""
-    own, known = len(fitter.nuisances), [h for h in hypotheses if h.members]
-    found = np.zeros((len(hypotheses), N_CHANNELS))
-    if known:
-        lanes = np.stack([fitter.vector((), h.result.values[:own]) for h in known])
-        fitted = np.stack([h.simulated for h in known])
-        changes = mean_squares(fitter.problem.errors(lanes) - fitted, folds.used)
-        found[[bool(h.members) for h in hypotheses]] = changes
-    return found
-
-
 def score_all(
     fitter: HypothesisFitter, folds: Folds, hypotheses: Sequence[Hypothesis]
 ) -> list[HeldOut]:
@@ -197,9 +183,8 @@ def score_all(
         for own, _ in folds.turns
     ]
     parts = iter(fitter.fit_all(tasks))
-    changes = _changes(fitter, folds, hypotheses)
     scores: list[HeldOut] = []
-    for h, fitted, change in zip(hypotheses, is_fitted, changes, strict=True):
+    for h, fitted in zip(hypotheses, is_fitted, strict=True):
         sums = np.zeros((folds.n_blocks, h.result.errors.shape[1]))
         counts, simulated = np.zeros_like(sums), np.zeros_like(sums)
         values: list[Array] = []
@@ -210,5 +195,5 @@ def score_all(
             sums += more_sums
             counts += more_counts
             simulated += block_sums(part.simulated, folds, other)[0]
-        scores.append(HeldOut.of(h, sums, counts, tuple(values), simulated, change))
+        scores.append(HeldOut.of(h, sums, counts, tuple(values), simulated))
     return scores

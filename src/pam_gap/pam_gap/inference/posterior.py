@@ -161,18 +161,6 @@ def _beyond_simpler_laws(scores: Sequence[Score], likelihood: Array) -> Array:
     return found
 
 
-def _changes(scores: Sequence[Score], fall: Array, present: np.ndarray) -> Array:
-    """Mean squared change that the causes of each hypothesis make, shape (hypotheses, channels).
-
-    Of what no effect of the table describes, only the fall of the error is known.
-    """
-    found = fall.copy()
-    for place, score in enumerate(scores):
-        if score.change is not None:
-            found[place] = score.change[present] if score.causes else 0.0
-    return np.nan_to_num(found, nan=DIVERGED, posinf=DIVERGED)
-
-
 def _beliefs(evidence: Evidence[Any], rules: Rules) -> tuple[dict[str, float], dict[str, float]]:
     """Log of prior times likelihood of each set of causes, and of each kind of cause outside.
 
@@ -190,7 +178,7 @@ def _beliefs(evidence: Evidence[Any], rules: Rules) -> tuple[dict[str, float], d
     over = np.log(np.maximum(left / (noise + background), 1.0)).sum(axis=1)
     usual = [k for k, score in enumerate(scores) if not score.causes and not score.unlisted]
     without = left[min(usual, key=over.__getitem__)]
-    change = _changes(scores, np.maximum(without - left, 0.0), present)
+    change = np.maximum(without - left, 0.0)
     is_sharp = np.array([SEVERAL.isdisjoint(one.causes) and not one.unlisted for one in scores])
     likelihood = log_likelihood(left, noise, background, change, is_sharp, statement)
     likelihood = _beyond_simpler_laws(scores, likelihood)

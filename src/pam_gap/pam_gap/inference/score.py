@@ -52,9 +52,6 @@ class Score:
     cut_off : tuple of str
         Effects whose size is at the far end of the range that is searched; with more of them the
         hypothesis might explain more.
-    change : ndarray, shape (channels,), optional
-        Mean squared change that the effects make, with all other numbers as they are in the
-        hypothesis. Re-tuned numbers may hide much of it.
     """
 
     effects: tuple[str, ...]
@@ -66,7 +63,6 @@ class Score:
     simulated_sums: Array | None = field(default=None, kw_only=True)
     unlisted: str = field(default="", kw_only=True)
     cut_off: tuple[str, ...] = field(default=(), kw_only=True)
-    change: Array | None = field(default=None, kw_only=True)
 
     @property
     def simulated(self) -> Self:

@@ -221,7 +221,7 @@ class UnlistedFitter:
         assert best is not None
         score = score_all(best[1], self.folds, [best[2]])[0]
         numbers = score.free_numbers + len(one.places)
-        return replace(score, unlisted=one.name, free_numbers=numbers, change=None)
+        return replace(score, unlisted=one.name, free_numbers=numbers)
 
     def _start(
         self, one: Unlisted, nominal: Hypothesis, singles: Sequence[Hypothesis]

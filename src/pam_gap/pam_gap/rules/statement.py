@@ -62,10 +62,10 @@ class Statement:
     three: float = 0.02
     outside: float = 0.2
     hidden: float = 0.08
-    background_spread: float = 1.0
+    background_spread: float = 0.8
     channel_freedom: float = 17.0
     independent_errors: float = 4.2
-    number_price: float = 0.24
+    number_price: float = 0.4
     sharp_law_error: float = 0.02
     law_error: float = 0.55
     right_law: float = 0.15
