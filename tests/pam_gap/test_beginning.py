@@ -88,6 +88,25 @@ def test_unknown_is_said_only_after_a_search_in_all_data(rig: Rig, record: Maker
         assert engine.is_from_the_beginning is (times == 0)
 
 
+@pytest.mark.parametrize(("probability", "times"), [(0.45, 2), (0.8, 1)])
+def test_a_none_that_is_more_probably_wrong_is_sought_again(
+    rig: Rig, record: Maker, monkeypatch: pytest.MonkeyPatch, probability: float, times: int
+) -> None:
+    """A pair of muscles, off by half of its range, was `none` with 0.32 and `unknown` with 0.32."""
+    engine = JointDiagnosis(rig, 0, [record(VOLUMES, duration=LONG)])
+    verdict = SimpleNamespace(verdict="none", probabilities={"none": probability})
+    searches: list[bool] = []
+
+    def search(*, in_all_data: bool = False) -> None:
+        searches.append(in_all_data)
+        engine.is_from_the_beginning = not in_all_data
+
+    monkeypatch.setattr(engine, "search", search)
+    monkeypatch.setattr(engine, "_decided", lambda _: (None, verdict, None))
+    engine.searched()
+    assert searches == [False, True][:times]
+
+
 @needs_numba
 def test_a_beginning_without_the_motion_of_the_rest_is_not_enough(rig: Rig, record: Maker) -> None:
     moving = record(VOLUMES, duration=12.0)
