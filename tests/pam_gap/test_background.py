@@ -115,7 +115,9 @@ def test_however_sure_it_is_the_cause_outside_the_table_is_said() -> None:
 def test_a_delay_may_leave_a_background_larger_than_usual() -> None:
     """That the law of a delay has only one form says nothing about what else the rig has."""
     nominal, delay = score((), (33.0, 74.0, 90.0)), score(("command_delay",), (15.0, 18.0, 75.0))
-    assert decided(nominal, delay).effects == ("command_delay",)
+    moved = np.array([1000.0, 1000.0, 10_000.0])  # an encoder is finer than a pressure sensor
+    kept = replace(evidence(nominal, delay), motion=moved**2)
+    assert decide(kept, DEFAULT).effects == ("command_delay",)
 
 
 def test_an_effect_outside_the_table_stays_unknown_beside_a_background() -> None:

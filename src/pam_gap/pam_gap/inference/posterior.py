@@ -203,13 +203,17 @@ def _beliefs(evidence: Evidence[Any], rules: Rules) -> tuple[dict[str, float], d
 
 
 def _leaves_most(evidence: Evidence[Any], rules: Rules, name: str) -> bool:
-    """Whether all hypotheses with these causes leave most of a gap, and as much as matters."""
+    """Whether all hypotheses with these causes leave most of a gap, and as much as matters.
+
+    The gap is the error where it matters most: a late encoder has a gap at the joint, however much
+    an unusual background leaves at the pressures.
+    """
     tried = evidence.finalists
     judge = judge_of(evidence, rules)
-    usual = judge.usual(evidence.nominal, tried)
+    gap = judge.largest_gap(judge.usual(evidence.nominal, tried))
     same = [score for score in tried if " + ".join(sorted(score.causes)) == name]
     return bool(same) and all(
-        judge.share_removed(usual, score) < rules.decision.most_of_the_gap
+        judge.largest_gap(score) > (1.0 - rules.decision.most_of_the_gap) * gap
         and judge.is_material(score, unexplained=True)
         for score in same
     )
