@@ -70,9 +70,10 @@ from pam_control.rows.plan_rows import (
     A_WEIGHTS,
     N_FUNCTIONS,
     N_SAMPLE,
+    Y_GRIP,
     Y_PLANNED_AT,
     Y_REFERENCE,
-    Y_STIFFNESS,
+    Y_ZERO,
 )
 from pam_model.plant.compiled import listed
 
@@ -86,17 +87,20 @@ VISCOUS: Final = 3  # index of the speed
 STILL: Final = 0.02  # rad/s
 DELAY_DEVIATION: Final = 0.01  # s
 ZERO_DEVIATION: Final = 0.05  # rad, of an encoder that was put on by eye
+GAIN_DEVIATION: Final = 0.05
 LEAST_DELAY: Final = 2e-3  # s; smaller ones are not believed
 LONGEST_DELAY: Final = 0.04  # s
 DELAY_RATE: Final = 0.06  # s/s, at which the reference is moved to a delay that was found
 SMOOTH: Final = (0, 1, 2, 3, 4, 5 + len(SLIP_LENGTHS), 6 + len(SLIP_LENGTHS))
 SLIPS: Final = tuple(range(5, 5 + len(SLIP_LENGTHS)))
 DELAY: Final = 7 + len(SLIP_LENGTHS)
-STIFFNESS: Final = DELAY + 1
+ZERO: Final = DELAY + 1
+GRIP: Final = ZERO + 1
+SENSORS = (ZERO, GRIP)
+SMOOTH = (*SMOOTH, *SENSORS)
 RIVALS: Final = (
     Rival(SMOOTH, 0.0),
     Rival((*SMOOTH, *SLIPS), 2.0, exact=False),
-    Rival((*SMOOTH, STIFFNESS), 0.0, better=4.0),
     Rival((*SMOOTH, DELAY), 0.0, better=2.0, exact=False),
     Rival((*SMOOTH, *SLIPS, DELAY), 0.0, better=4.0, exact=False),
 )
@@ -109,7 +113,7 @@ DRY: Final = 0.02  # rad; longer slip elements are hysteresis, by which a joint 
 
 def take_torque(
     row: Any, step: float, unexplained: float, rate: float, position: float, speed: float,
-    speed_filter: float, stiffness: float,
+    speed_filter: float, zero: float, grip: float,
 ) -> bool:  # fmt: skip
     """Take one control cycle of a joint; return whether the fit is due.
 
@@ -148,8 +152,10 @@ def take_torque(
             raw = element(row, A_MEASURED, place - 4)
         elif place == 4 + N_ELEMENTS:
             raw = rate
+        elif place == 5 + N_ELEMENTS:
+            raw = zero
         else:
-            raw = stiffness
+            raw = grip
         if first:
             row[A_RAW + place] = row[A_SMOOTH + place] = raw
             row[A_ONCE + place] = row[A_TWICE + place] = raw
@@ -173,7 +179,7 @@ def take_torque(
 
 
 def weighted(
-    row: Any, stiffness: float, position: float, velocity: float, acceleration: float, rests: bool
+    y: Any, row: Any, position: float, velocity: float, acceleration: float, rests: bool
 ) -> float:
     """Torque [N m] by what was learnt, for a joint that moves as planned or begins at rest.
 
@@ -181,7 +187,8 @@ def weighted(
     """
     w = A_WEIGHTS
     found = row[w] + row[w + 1] * position + row[w + 2] * position**3
-    found += row[w + STIFFNESS] * stiffness
+    found += row[w + ZERO] * y[Y_ZERO]
+    found += row[w + GRIP] * y[Y_GRIP]
     found += row[w + 3] * velocity + row[w + 4] * acceleration
     if not rests:
         for number in range(N_ELEMENTS):
@@ -198,7 +205,7 @@ def move_reference(y: Any, row: Any, time: float, position: float) -> None:
 
 def learnt_torque(y: Any, row: Any, moment: Any, at: int, limit: float) -> float:
     """Torque [N m] to be added for the moment of the reference in a row, within a limit [N m]."""
-    found = weighted(row, y[Y_STIFFNESS], moment[at + 1], moment[at + 2], moment[at + 3], False)
+    found = weighted(y, row, moment[at + 1], moment[at + 2], moment[at + 3], False)
     return limited(found, -limit, limit)
 
 
@@ -226,7 +233,7 @@ class TorqueAdaptation:
         self._y, self._row = y, row
         self._inertia, self._damping, self._turn = inertia, damping, turn
         self._fit = AveragedFit(
-            [*(largest * each for each in DEVIATIONS), DELAY_DEVIATION, ZERO_DEVIATION],
+            [*(largest * each for each in DEVIATIONS), DELAY_DEVIATION, ZERO_DEVIATION, GAIN_DEVIATION],
             RIVALS,
             NOISE * largest,
             ERRORS * largest,
@@ -324,5 +331,5 @@ class TorqueAdaptation:
     def at_rest(self, position: float, limit: float) -> float:
         """The learnt torque of a joint that begins at rest at a position [rad], limited [N m]."""
         return limited(
-            weighted(self._row, self._y[Y_STIFFNESS], position, 0.0, 0.0, True), -limit, limit
+            weighted(self._y, self._row, position, 0.0, 0.0, True), -limit, limit
         )

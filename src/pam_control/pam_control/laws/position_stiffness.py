@@ -55,9 +55,11 @@ from pam_control.rows.plan_rows import (
     X_TRUE_STIFFNESS,
     X_WANTED,
     Y_ADAPTED,
+    Y_GRIP,
     Y_HANDED,
     Y_LOST,
     Y_STIFFNESS,
+    Y_ZERO,
 )
 from pam_control.settings import ControlSettings
 
@@ -158,6 +160,10 @@ class PositionStiffness(Law[PositionStiffnessState]):
         if settings.feedforward:
             torque -= models.dynamics.gravity(position)
             if start.adapts:
+                y, q = state.y, position
+                slope = (models.dynamics.gravity(q + 1e-4) - models.dynamics.gravity(q - 1e-4)) / 2e-4
+                y[Y_ZERO] = y[Y_STIFFNESS] + slope
+                y[Y_GRIP] = models.model.grip(start.pressures, q)
                 torque -= state.estimates.adaptation.at_rest(position, settings.adaptation_limit)
             if start.gains.observer > 0.0:
                 torque -= begin_observer(state.y, torque, settings.observer_limit)
