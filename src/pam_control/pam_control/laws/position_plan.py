@@ -367,9 +367,8 @@ def plan_parts(
             ask_ahead(c[i], w[i], x[i], y[i])
             if closed:
                 reach(c[i], j[i], w[i], x[i], c)
-                if s[i][S_ADAPTS] > 0.0:
-                    place = inside(j[i], x[i][X_ASKED_POSITION])
-                    y[i][Y_GRIP] = muscles_grip(c[i], c, w[i], W_LINE, W_REACHED, place)
+                place = inside(j[i], x[i][X_ASKED_POSITION])
+                y[i][Y_GRIP] = muscles_grip(c[i], c, w[i], W_LINE, W_REACHED, place)
         if first <= NOW <= last and ahead:
             plan_now(c[i], j[i], s[i], w[i], x[i], y[i], a[i], plans[i], plan_ends[i], step)
             is_due = is_due or x[i][X_IS_DUE] > 0.0 or x[i][X_ESTIMATE_DUE] > 0.0

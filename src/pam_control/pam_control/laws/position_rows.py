@@ -219,8 +219,10 @@ class PositionRows:
             for place in others:
                 if self.s[place][S_FEEDFORWARD] > 0.0:
                     self._reach(place)
-                    y, x = self.y[place], self.x[place]
-                    y[Y_GRIP] = self._joints[place].model.grip(self.column(place, W_REACHED), float(x[X_ASKED_POSITION]))
+                    models, position = self._joints[place], float(self.x[place][X_ASKED_POSITION])
+                    self.y[place][Y_GRIP] = models.model.grip(
+                        self.column(place, W_REACHED), models.inside(position)
+                    )
             is_due = plan_parts(NOW, NOW, *rows)
         else:
             is_due = plan_parts(OBSERVE, NOW, *rows)

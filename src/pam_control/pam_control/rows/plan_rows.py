@@ -57,12 +57,14 @@ N_CYCLE: Final = 49
  Y_HANDED, Y_ZERO, Y_GRIP) = range(23)
 # fmt: on
 N_PLAN: Final = 23
-"""`Y_HANDED`: what the feedforward takes off the integral, which goes on with it [N m]."""
+"""`Y_HANDED`: what the feedforward takes off the integral, which goes on with it [N m].
+`Y_ZERO` [N m/rad], `Y_GRIP` [N m]: what a false zero of the position and a false gain of a pressure
+act with by the plan (`torque_adaptation`)."""
 
 # state and filters of what is learnt of the torque
 N_SAMPLE: Final = 13
-"""Unexplained torque, 1, q, q^3, the elements of `motion_functions`, rate of the torque, and
-stiffness."""
+"""Unexplained torque, 1, q, q^3, the elements of `motion_functions`, rate of the torque, and what a
+zero of the position and a gain of a pressure act with (`torque_adaptation`)."""
 N_FUNCTIONS: Final = 14
 (A_BEGUN, A_SINCE, A_DELAY, A_WANTED_DELAY, A_KNOWS, A_FRICTION, A_SPEED_ONCE, A_SPEED_TWICE,
  A_SPEED_BEFORE) = range(9)  # fmt: skip

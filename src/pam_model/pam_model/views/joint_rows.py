@@ -79,10 +79,8 @@ def muscles_torque(
     """
     total = 0.0
     for k in range(len(muscles)):
-        ratio, m = muscles[k][line + L_RATIO], constants_of(k)
-        length = length_of(m, ratio, c, position)
-        pull, _, _ = braid_force(m, c, table, muscles[k][pressure], length)
-        total += ratio * max(0.0, pull)
+        pull = _pull(c, table, muscles, k, line, pressure, position)
+        total += muscles[k][line + L_RATIO] * pull
     return torque_of(c, total)
 
 
@@ -92,11 +90,19 @@ def muscles_grip(
     """Sum of the muscles' torques [N m] without their signs; arguments as of `muscles_torque`."""
     total = 0.0
     for k in range(len(muscles)):
-        ratio, m = muscles[k][line + L_RATIO], constants_of(k)
-        length = length_of(m, ratio, c, position)
-        pull, _, _ = braid_force(m, c, table, muscles[k][pressure], length)
-        total += abs(ratio) * max(0.0, pull)
+        pull = _pull(c, table, muscles, k, line, pressure, position)
+        total += abs(muscles[k][line + L_RATIO]) * pull
     return torque_of(c, total)
+
+
+def _pull(
+    c: Any, table: Any, muscles: Any, k: int, line: int, pressure: int, position: float
+) -> float:
+    """Pull of muscle `k` [N], never below 0."""
+    m = constants_of(k)
+    length = length_of(m, muscles[k][line + L_RATIO], c, position)
+    pull, _, _ = braid_force(m, c, table, muscles[k][pressure], length)
+    return max(0.0, float(pull))
 
 
 def _line(m: int, c: Any, table: Any, length: float, low: float, high: float) -> Line:
