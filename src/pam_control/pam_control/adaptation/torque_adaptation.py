@@ -103,9 +103,9 @@ GRIP: Final = ZERO + 1
 SMOOTH: Final = (0, 1, 2, 3, 4, 5 + len(SLIP_LENGTHS), 6 + len(SLIP_LENGTHS), ZERO, GRIP)
 RIVALS: Final = (
     Rival(SMOOTH, 0.0),
-    Rival((*SMOOTH, *SLIPS), 2.0, exact=False),
+    Rival((*SMOOTH[:-2], *SLIPS), 2.0, exact=False),
     Rival((*SMOOTH, DELAY), 0.0, better=2.0, exact=False),
-    Rival((*SMOOTH, *SLIPS, DELAY), 0.0, better=4.0, exact=False),
+    Rival((*SMOOTH[:-2], *SLIPS, DELAY), 0.0, better=4.0, exact=False),
 )
 """By the numbers of the functions of `motion_functions`, after which come the delay, the zero of
 the position and the grip. Dry friction is ordinary. A delay has to explain what nothing else does;
