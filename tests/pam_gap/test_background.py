@@ -191,6 +191,16 @@ def test_the_less_is_left_the_less_of_a_background_counts() -> None:
     assert judge.floor == pytest.approx(1.0 + BACKGROUND)
 
 
+def test_a_channel_at_its_noise_says_little_of_a_background() -> None:
+    """The background of a coarse load cell hardly stands out of its noise, and may be below it."""
+    judge = Judge(np.ones(CHANNELS), PRESENT, DEFAULT)
+    seen = np.array([100.0, 100.0, 3.0])
+    found = [judge.share_of(np.array([40.0, 40.0, left]), seen) for left in (0.99, 1.05)]
+    assert found[0] == pytest.approx(found[1], rel=0.05)
+    assert found[0] > 0.3
+    assert judge.share_of(np.array([1.1, 1.1, 0.99]), seen) < DEFAULT.search.clean_left
+
+
 @pytest.mark.parametrize("valve", ["flow", "pressure_regulator"])
 def test_the_background_is_what_the_effects_call_ordinary(valve: ValveKind) -> None:
     """A good regulator vents more slowly than it fills; its exhaust is not restricted."""

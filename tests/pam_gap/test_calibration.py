@@ -13,23 +13,36 @@ import pytest
 import yaml
 
 from pam_gap.__main__ import main
-from pam_gap.calibration.calibration import DETERMINED, KEPT, Calibration, calibrate_joint
+from pam_gap.calibration.calibration import (
+    DETERMINED,
+    KEPT,
+    Calibration,
+    calibrate_joint,
+    one_valve_reversed,
+)
 from pam_gap.calibration.calibration_rules import DEFAULT
-from pam_gap.calibration.free_numbers import Said, ordinary_numbers
+from pam_gap.calibration.free_numbers import Said, free_numbers, ordinary_numbers
 from pam_gap.calibration.intervals import Knowledge
-from pam_gap.calibration.staged_fit import motion_records
-from pam_gap.prediction.fit import FreeParameter
+from pam_gap.calibration.last_steps import FittedPoint, last_steps
+from pam_gap.calibration.staged_fit import motion_records, without_false_stops
+from pam_gap.inference.hypothesis import HypothesisFitter
+from pam_gap.prediction.channel_order import POSITION
+from pam_gap.prediction.directions import valve_phase
+from pam_gap.prediction.fit import Array, FreeParameter, Scaling, mean_squares
+from pam_gap.prediction.gap_figures import noise_level
 from pam_gap.prediction.problem import PredictionProblem
 from pam_gap.recordings.recording import Recording
 from pam_model.effects import EFFECTS
 from pam_model.identify.joint_regression import body_regression, valve_regression
-from pam_model.plant.parameters import bounds_of, neutral_values
+from pam_model.plant.parameters import NAMES, bounds_of, neutral_values
 from pam_model.rig import Rig, load_rig, save_rig
 from pam_model.rig.partial import PartialRig, load_partial_rig
 
 from .conftest import Maker
 
 SAID = Said(1.0 / 3.0, 0.05)
+OTHERS = 1.3
+"""Pressures that do not follow the commands, over those that do."""
 OFF = {
     "inertia": 1.25,
     "viscous_friction": 0.75,
@@ -110,17 +123,108 @@ def test_intervals_hold_and_what_is_kept_is_as_written(rig: Rig, found: Calibrat
             assert one.value == pytest.approx(written[one.key])
 
 
+PRIOR = 0.15
+"""Deviation of the logarithm of each of the numbers below, before the log."""
+
+
+def _known() -> Knowledge:
+    """A log that knows the product of two numbers to 0.1 %, and nothing of a third."""
+    free = tuple(FreeParameter(n, 0.1, 10.0, 0.1, PRIOR / 7.0, 1.0, True) for n in ("a", "b", "c"))
+    product = np.array([1.0, 1.0, 0.0])
+    hessian = 49.0 * (0.1 / 1e-3) ** 2 * np.outer(product, product)
+    score = 49.0 * hessian
+    values = np.array([1.2, 0.9, 1.0])
+    return Knowledge(free, values, hessian, score, Scaling(free).weight ** 2, 49.0)
+
+
 def test_combinations_are_fixed_and_one_number_is_kept() -> None:
-    free = tuple(FreeParameter(n, 0.1, 10.0, 0.1, 0.2, 1.0, True) for n in ("a", "b", "c"))
-    # the log knows a b, and nothing of c; a and b are each known as well as before
-    ridge = np.array([1.0, -1.0, 0.0])
-    covariance = 0.02 * np.outer(ridge, ridge) + np.diag([1e-6, 1e-6, 0.04])
-    known = Knowledge(free, np.array([1.2, 0.9, 1.1]), covariance, np.full(3, 0.15))
-    kept = known.kept(0.7, range(3))
+    known = _known()
+    assert known.before == pytest.approx(np.full(3, PRIOR))
+    kept = known.kept(dict.fromkeys(range(3), 0.7))
     assert set(kept) >= {2} and len(kept) == 2  # the other of a and b follows from the product
-    values = known.given(kept, np.ones(3))
+    values = known.given(kept)
     assert values[kept] == pytest.approx(np.ones(2))
     assert values[0] * values[1] == pytest.approx(1.2 * 0.9, rel=1e-3)
+
+
+def test_a_number_that_follows_from_a_kept_one_has_its_error() -> None:
+    """Intervals were those of a fit in which both are free, and too narrow by a factor of 1.4."""
+    known = _known()
+    both = np.sqrt(np.diag(known.covariance()))
+    assert both[:2] == pytest.approx(np.full(2, PRIOR / np.sqrt(2.0)), rel=1e-3)
+    covariance = known.covariance([1])
+    assert np.sqrt(np.diag(covariance)) == pytest.approx(np.full(3, PRIOR), rel=1e-3)
+    product = np.array([1.0, 1.0, 0.0])
+    assert np.sqrt(product @ covariance @ product) == pytest.approx(1e-3, rel=0.05)
+
+
+GROWTH = {
+    "pulley_radius": 1, "thread_length": 1, "neutral_length": 1, "rest_length": 1,
+    "inertia": 3, "viscous_friction": 3, "gravity_torque": 3, "dead_volume": 3,
+    "sonic_conductance": 3,
+}  # fmt: skip
+"""Power with which numbers grow with the lengths of a robot whose log stays as it is."""
+
+
+def _all_larger(vector: Array, factor: float) -> Array:
+    powers = [GROWTH.get(name.rpartition(".")[2], 0) for name in NAMES]
+    larger: Array = vector * factor ** np.array(powers, dtype=float)
+    return larger
+
+
+def test_the_size_of_a_robot_is_not_in_its_log(rig: Rig, log: Recording) -> None:
+    """A fixed least dead volume gave a small robot volumes and forces that were 20 % off."""
+    problem = PredictionProblem(rig, 0, [log])
+    large = problem.base.values
+    some, other = problem.errors(np.array([large, _all_larger(large, 0.1)]))
+    assert other[problem.counted][:, :3] == pytest.approx(some[problem.counted][:, :3], abs=1e-4)
+
+
+def test_the_last_steps_find_the_size_that_the_rig_file_says(rig: Rig, record: Maker) -> None:
+    """A log without forces says nothing of it, and damped steps ended long before it."""
+    problem = PredictionProblem(rig, 0, [record({}, duration=8.0)])
+    start = dict(zip(NAMES, problem.base.values.tolist(), strict=True))
+    numbers = [
+        one
+        for one in free_numbers(
+            PartialRig(rig), rig.joints[0], start, SAID, DEFAULT, has_commands=True
+        )
+        if one.name.rpartition(".")[2] in GROWTH
+    ]
+    floor = noise_level(problem, problem.base.values)
+    fitter = HypothesisFitter(problem, floor, [one.nuisance(DEFAULT) for one in numbers])
+    growth = np.array([GROWTH[one.name.rpartition(".")[2]] for one in numbers])
+    true = np.array([start[one.name] for one in numbers])
+    begin = FittedPoint(true * 1.03**growth, np.zeros(0), np.zeros(0))
+    point, jacobian = last_steps(fitter, begin, (), DEFAULT)
+    free = [one.free for one in fitter.nuisances]
+    weight = Scaling(free).weight / Scaling(free).size
+    # where what was written decides, its pull along the combination is 0
+    pull = weight**2 * np.log(point.values / true)
+    written = (weight**2 * growth**2).sum()
+    assert abs(growth @ pull) / written < 0.002
+    slope = jacobian @ (growth / Scaling(free).size)
+    weights = 1.0 / np.maximum(mean_squares(point.errors, problem.counted), floor)
+    seen = np.nansum(weights * np.square(slope[problem.counted]))
+    assert seen < 0.05 * written
+
+
+def test_a_stop_that_the_log_passes_is_not_simulated(rig: Rig, record: Maker) -> None:
+    """The zero of an encoder was 5 mrad off, and a gravity torque 27 %, 26 deviations."""
+    joint, log = rig.joints[0], record({}, duration=8.0)
+    angles = log.values[f"joint_states.{joint.name}.position"]
+    low, high = float(np.min(angles)), float(np.max(angles))
+    narrow = rig.with_joint(replace(joint, position_limits=(0.98 * low, 0.98 * high)))
+    wide = rig.with_joint(replace(joint, position_limits=(low - 0.1, high + 0.1)))
+    some, other = (PredictionProblem(one, 0, [log]) for one in (narrow, wide))
+    assert without_false_stops(other, DEFAULT) is other
+    stopped = some.errors(some.base.values[None])[0, some.counted, POSITION]
+    freed = without_false_stops(some, DEFAULT)
+    right, free = (
+        one.errors(one.base.values[None])[0, one.counted, POSITION] for one in (other, freed)
+    )
+    assert free == pytest.approx(right, abs=1e-6)
+    assert np.max(np.abs(stopped - right)) > 10.0
 
 
 def test_the_prediction_gets_better(found: Calibration) -> None:
@@ -164,6 +268,27 @@ def test_an_exchange_is_named_and_gives_no_rig_file(rig: Rig, log: Recording, tu
     assert answer.rig is None
     assert answer.wiring and answer.refused == answer.wiring
     assert "exchanged" in answer.wiring[0] or "reversed" in answer.wiring[0]
+
+
+def test_one_reversed_valve_is_named_although_others_move_the_joint(
+    rig: Rig, log: Recording
+) -> None:
+    """Half of the pressure rate was the motion's, and the robot was calibrated with the sign."""
+    random, values = np.random.default_rng(1), dict(log.values)
+    for name in rig.joints[0].muscles:
+        key = f"pressure_states.{name}"
+        push = np.cumsum(random.normal(size=log.time.size))
+        values[key] = values[key] + OTHERS * np.ptp(values[key]) / np.ptp(push) * push
+    second = f"valve_commands.{rig.joints[0].muscles[1]}"
+    assert (
+        one_valve_reversed(PredictionProblem(rig, 0, [replace(log, values=values)]), DEFAULT) == ()
+    )
+    values[second] = -values[second]
+    problem = PredictionProblem(rig, 0, [replace(log, values=values)])
+    coherence = [valve_phase(problem, side, DEFAULT.slow_band).coherence for side in (0, 1)]
+    assert min(coherence) < problem.rules.recording.direction_coherence
+    (answer,) = one_valve_reversed(problem, DEFAULT)
+    assert rig.joints[0].muscles[1] in answer and "reversed" in answer
 
 
 def test_from_files_to_a_rig_file_that_every_tool_reads(

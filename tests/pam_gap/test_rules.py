@@ -145,7 +145,8 @@ def test_an_unknown_constant_is_named() -> None:
 
 def test_changed_constants_reach_the_code(rig: Rig, record: Maker) -> None:
     recording = record(duration=4.0)
-    rules = changed("prediction.settling", 0.5, changed("prediction.block", 5))
+    rules = changed("prediction.settling", 0.5)
+    rules = changed("prediction.block_time", 5.0 * recording.sample_time, rules)
     problem = PredictionProblem(rig, 0, [recording], rules=rules)
     plain = PredictionProblem(rig, 0, [recording])
     assert problem.n_rows == len(recording.time) // 5

@@ -44,7 +44,7 @@ from pam_gap.inference.hypothesis import FitTask, Hypothesis, HypothesisFitter
 from pam_gap.inference.improved_fit import improved_fit
 from pam_gap.inference.judge import Judge, judge_of
 from pam_gap.inference.loose_lengths import LooseLengths, loose_lengths
-from pam_gap.inference.probabilities import UNKNOWN
+from pam_gap.inference.probabilities import NONE, UNKNOWN
 from pam_gap.inference.unlisted import UnlistedFitter
 from pam_gap.prediction.bench_joint import bench_problem
 from pam_gap.prediction.fit import PlantFit
@@ -161,11 +161,13 @@ class JointDiagnosis:
     def searched(self) -> tuple[Evidence[HeldOut], Verdict[HeldOut], Location]:
         """What the search finds, and the verdict.
 
-        What the beginning does not show may be the cause. Before the answer is `unknown`, the
-        effects are therefore sought in all data.
+        What the beginning does not show may be the cause. Before the answer is `unknown`, or a
+        `none` that is more probably wrong than right, the effects are therefore sought in all data.
         """
         found = self._decided(self.search())
-        if found[1].verdict != UNKNOWN or not self.is_from_the_beginning:
+        verdict, probabilities = found[1].verdict, found[1].probabilities
+        is_open = verdict == UNKNOWN or (verdict == NONE and probabilities[NONE] < 0.5)
+        if not is_open or not self.is_from_the_beginning:
             return found
         self.progress("seeking effects in all data", 0.0)
         self._begin()

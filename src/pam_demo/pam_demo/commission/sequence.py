@@ -76,7 +76,7 @@ Ask = Callable[[str], bool]
 FILLING, WITHHELD = "filling", "withheld"
 COARSE: Final = 2.0
 """Sample time of the recordings between two motions, over the period of the port."""
-QUICK: Final = CalibrationRules(rounds=1, last_steps=6, kept_steps=2)
+QUICK: Final = CalibrationRules(rounds=1, last_steps=6, undamped_steps=2)
 """For the numbers between two motions; the last identification takes all its steps."""
 FULL: Final = CalibrationRules()
 PARTS: Final[Sequence[tuple[Sequence[str], CalibrationRules]]] = (

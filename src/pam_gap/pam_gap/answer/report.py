@@ -41,7 +41,6 @@ from pam_gap.answer.traces import (
 from pam_gap.answer.user_units import as_probability, percent, spoken, told
 from pam_gap.inference.probabilities import NONE, UNKNOWN
 from pam_gap.prediction.channel_order import UNITS
-from pam_gap.prediction.channels import block_means
 from pam_gap.prediction.problem import PredictionProblem
 from pam_model.effects import EFFECTS
 
@@ -331,7 +330,7 @@ def traces_of(problem: PredictionProblem, diagnosis: Diagnosis) -> list[Trace]:
     limits = {size.channel: size.limit for size in diagnosis.sizes}
     traces = []
     for c in np.nonzero(problem.present)[0]:
-        measured = block_means(data.measured[:, c], problem.block)
+        measured = data.rows(data.measured[:, c])
         predicted = measured - errors[:, :, c] * data.block_deviation[c]
         traces.append(
             Trace(

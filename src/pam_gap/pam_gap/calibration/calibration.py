@@ -15,22 +15,30 @@ import numpy as np
 from pam_gap.answer.improved_rig import with_number
 from pam_gap.calibration.calibration_rules import DEFAULT as DEFAULT_RULES
 from pam_gap.calibration.calibration_rules import CalibrationRules
-from pam_gap.calibration.free_numbers import GAS, FreeRigNumber, Said, key_in_file, names_of
+from pam_gap.calibration.free_numbers import (
+    GAS,
+    STATICS,
+    FreeRigNumber,
+    Said,
+    key_in_file,
+    names_of,
+)
 from pam_gap.calibration.intervals import knowledge
+from pam_gap.calibration.last_steps import FittedPoint, last_steps
 from pam_gap.calibration.posterior import Posterior
 from pam_gap.calibration.scale_of_forces import grows, scale_weights
 from pam_gap.calibration.staged_fit import (
     JointFit,
     first_plant,
-    fit_beside_kept,
     fit_stage,
     fit_together,
     stages,
+    without_false_stops,
 )
 from pam_gap.diagnose_recordings import usable_parts
-from pam_gap.inference.held_out import make_folds
 from pam_gap.inference.hypothesis import Hypothesis
-from pam_gap.prediction.directions import Direction, valve_phase
+from pam_gap.prediction.channel_order import POSITION
+from pam_gap.prediction.directions import valve_phase
 from pam_gap.prediction.fit import Array
 from pam_gap.prediction.gap_figures import GapFigure, gap_figures
 from pam_gap.prediction.identifiable import what_is_missing
@@ -128,7 +136,8 @@ def calibrate_joint(
     def problem_of(what: Rig, some: Sequence[Recording]) -> PredictionProblem:
         parts = usable_parts(what, number, some)
         usual = PredictionSettings(rules.horizon)
-        return PredictionProblem(what, number, parts, threads=threads, usual=usual)
+        found = PredictionProblem(what, number, parts, threads=threads, usual=usual)
+        return without_false_stops(found, rules) if found.recorded[POSITION] else found
 
     progress("wiring", 0.0)
     problem = problem_of(rig, recordings)
@@ -176,12 +185,19 @@ def exchanges(
 
 
 def one_valve_reversed(problem: PredictionProblem, rules: CalibrationRules) -> tuple[str, ...]:
-    """A valve whose pressure goes against its command, while the other one's follows its own."""
+    """A valve whose pressure goes against its command, while the other one's follows its own.
+
+    Two valves that disagree are evidence together, so that less coherence is needed than for one.
+    """
     muscles = problem.rig.joints[problem.joint].muscles
     phases = [valve_phase(problem, side, rules.slow_band) for side in range(len(muscles))]
-    if {phase.direction for phase in phases} != {Direction.AGREES, Direction.OPPOSED}:
+    least = min(phase.coherence for phase in phases)
+    against = [phase.phase > 90.0 for phase in phases]
+    off = max(min(phase.phase, 180.0 - phase.phase) for phase in phases)
+    near = problem.rules.recording.direction_phase
+    if least < rules.valve_coherence or off > near or sum(against) != 1:
         return ()
-    side = [phase.direction for phase in phases].index(Direction.OPPOSED)
+    side = against.index(True)
     return (
         f"Wrong wiring: the sign of the valve command of {muscles[side]} is reversed: "
         f"{phases[side].words('the command', 'the pressure')}; they should agree, at a phase near "
@@ -193,28 +209,38 @@ def conclusion(
     rig: Rig, name: str, numbers: Sequence[FreeRigNumber], joint: JointFit, rules: CalibrationRules
 ) -> tuple[tuple[CalibratedNumber, ...], Posterior]:
     """The numbers, fitted once more beside those of which the log says nothing."""
-    fitter = joint.fitter
-    known = knowledge(fitter, make_folds(fitter.problem), joint.fitted, rules)
+    fitter, fitted = joint.fitter, joint.fitted.result
+    point, jacobian = last_steps(
+        fitter, FittedPoint(fitted.values, fitted.amounts, fitted.errors), (), rules
+    )
+    known = knowledge(fitter, point, jacobian, rules)
     stated = [place for place, one in enumerate(numbers) if not one.is_ordinary]
-    kept = known.kept(rules.narrowed, stated)
+    kept = known.kept(
+        {
+            k: rules.narrowed_length if numbers[k].stage == STATICS else rules.narrowed
+            for k in stated
+        }
+    )
+    spread = np.sqrt(np.diag(known.covariance()))
     for place, one in enumerate(numbers):  # a sensor is taken for right if it may be
-        deviation = float(np.sqrt(known.covariance[place, place]))
-        low, high = known.about(place, float(known.values[place]), deviation)
+        low, high = known.about(place, float(known.values[place]), float(spread[place]))
         if one.is_sensor and place not in kept and low <= one.free.centre <= high:
             kept.append(place)
-    values = known.values.copy()
-    values[kept] = [known.free[place].centre for place in kept]
-    values = fit_beside_kept(fitter, kept, known.given(kept, values), rules)
-    weights = np.zeros(known.values.size)
-    weights[: len(numbers)] = scale_weights(rig, name, numbers)
+    count, n = len(numbers), len(fitter.nuisances)
+    given = known.given(kept)
+    point, _ = last_steps(fitter, FittedPoint(given[:n], given[n:], point.errors), kept, rules)
+    values, covariance = point.values, known.covariance(kept)
+    weights = np.zeros(len(covariance))
+    weights[:count] = scale_weights(rig, name, numbers)
     found = []
     for place in stated:
         one, value = numbers[place], float(values[place])
-        deviation = float(np.sqrt(known.covariance[place, place]))
-        ends = known.about(place, value, deviation)
+        ends = known.about(place, value, float(np.sqrt(covariance[place, place])))
         relative = None
         if grows(one) and one.free.is_logarithmic:
-            relative = known.about(place, value, known.relative_deviation(place, weights))
+            row = np.eye(len(covariance))[place] - weights
+            deviation = np.sqrt(max(float(row @ covariance @ row), 0.0))
+            relative = known.about(place, value, float(deviation))
         if place in kept:
             status = KEPT
         elif _is_narrow(one, value, ends, rules):
@@ -236,9 +262,7 @@ def conclusion(
                 one.stated,
             )
         )
-    count = len(numbers)
-    covariance = known.covariance[:count, :count]
-    return tuple(found), Posterior(tuple(numbers), values[:count], covariance)
+    return tuple(found), Posterior(tuple(numbers), values[:count], covariance[:count, :count])
 
 
 def not_sought(

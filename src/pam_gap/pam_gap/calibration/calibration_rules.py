@@ -29,11 +29,14 @@ class CalibrationRules:
     reach: float = 1.2  # bounds of a fit, in tolerances from the written value
     # bounds of a missing number: this factor to either side of the first regression
     unknown_reach: float = 30.0
-    # stage_steps, last_steps, kept_steps: largest number of steps of the fit of one stage, of a fit
-    # of all numbers together, and of the fit beside numbers that are kept
+    # stage_steps, last_steps: largest number of steps of the fit of one stage, and of a fit of all
+    # numbers together
     stage_steps: int = 12
     last_steps: int = 12
-    kept_steps: int = 4
+    # undamped_steps, settled: most undamped steps after that, and the fall of the log likelihood
+    # that a step must promise
+    undamped_steps: int = 4
+    settled: float = 0.02
     # fits of all numbers together; each begins with the play of the valves that the one before has
     # found
     rounds: int = 2
@@ -42,10 +45,13 @@ class CalibrationRules:
     horizon: float = 0.06
     # decrease of the mean log error in one step below which the fit of all numbers ends
     tolerance: float = 2e-4
-    # difference, fine_step: step of the differences for the intervals, in typical changes of a
-    # number, and longest step of the integration for them [s]
-    difference: float = 0.4
+    # difference, fine_step: step of the differences for the undamped steps and the intervals, in
+    # typical changes of a number, and longest step of the integration for them [s]. With 0.4, the
+    # curvature of each number looked like knowledge of the size of all lengths together.
+    difference: float = 0.02
     fine_step: float = 5e-4
+    # how far from the farthest measured angle a simulated joint may meet a stop [rad]
+    stop_margin: float = 0.02
     # seconds up to which errors are correlated: a supply wanders, friction depends on the motion
     lags: int = 4
     # number of samples whose correlated errors say as much as one of independent errors; what was
@@ -59,8 +65,13 @@ class CalibrationRules:
     determined_angle: float = 0.02  # the same for an angle [rad]
     # deviation of a number over that before the log, above which the log has said nothing of it
     narrowed: float = 0.7
+    # The same for lengths and turns. Their ratios are known well from a log, so that each written
+    # one says something of all of them. Whoever keeps one of them ignores what the others say.
+    narrowed_length: float = 0.95
     # upper end of the band in which a pressure follows its command, and a force its pressure [Hz]
     slow_band: float = 5.0
+    # least coherence of both valves in this band at which one is reversed and the other is not
+    valve_coherence: float = 0.3
     withheld: float = 0.2  # share of a single recording that takes no part in the fit
     # RMS error of the fit over the motion of a channel, above which nothing is written
     misfit: float = 0.15

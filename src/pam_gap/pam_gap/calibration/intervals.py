@@ -10,32 +10,72 @@ numbers.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from pam_gap.calibration.calibration_rules import CalibrationRules
+from pam_gap.calibration.last_steps import FittedPoint, all_free
 from pam_gap.inference.confidence import NORMAL_90
-from pam_gap.inference.held_out import Folds
-from pam_gap.inference.hypothesis import Hypothesis, HypothesisFitter
+from pam_gap.inference.held_out import make_folds
+from pam_gap.inference.hypothesis import HypothesisFitter
 from pam_gap.prediction.fit import Array, FreeParameter, Scaling, mean_squares
+
+REGULAR = 1e-10
+"""Added to normal equations, over their own diagonal: of some numbers, nothing at all is known."""
 
 
 @dataclass(frozen=True, slots=True)
 class Knowledge:
-    """Values and covariance of the numbers of a fit."""
+    """Values of the numbers of a fit, and what they are known from.
 
-    free: tuple[FreeParameter, ...]  # the numbers
+    Matrices are of the scaled numbers, those of the small errors included, which come last.
+    """
+
+    free: tuple[FreeParameter, ...]  # all numbers
     values: Array  # shape (n,): in their own units
-    # shape (n, n): of the values, or of the logarithms of those that are fitted by their logarithms
-    covariance: Array
-    # shape (n,): standard deviations before the log, in the same measure; infinite where nothing
-    # was known
-    before: Array
+    hessian: Array  # shape (n, n): normal equations of the log alone
+    score: Array  # shape (n, n): covariance of their right side
+    prior: Array  # shape (n,): weights in the fit of what was known before
+    weight: float  # what was known before has the weight of this number of observations
 
-    def kept(self, narrowed: float, places: Sequence[int]) -> list[int]:
+    @property
+    def before(self) -> Array:
+        """Deviations before the log, as in a covariance; infinite where nothing was known."""
+        with np.errstate(divide="ignore"):
+            result: Array = Scaling(self.free).size * np.sqrt(self.weight / self.prior)
+        return result
+
+    def covariance(self, kept: Sequence[int] = ()) -> Array:
+        """Covariance of the errors of all numbers if some are kept at what was known before.
+
+        Whoever keeps a number at what is written also keeps its error, which passes on to the
+        others: an inertia follows from the pull of the muscles, and this from the kept lengths.
+
+        Returns
+        -------
+        ndarray, shape (n, n)
+            Of the values, or of the logarithms of those that are fitted by their logarithms.
+        """
+        n, kept = self.values.size, list(kept)
+        own = np.setdiff1d(np.arange(n), kept)
+        inverse = self._inverse(own)
+        # what was known beforehand has the weight of so many independent observations
+        pull = self.score[np.ix_(own, own)] + self.weight * np.diag(self.prior[own])
+        errors = self.weight / self.prior[kept]
+        passed = -inverse @ self.hessian[np.ix_(own, kept)]
+        result = np.zeros((n, n))
+        result[np.ix_(own, own)] = inverse @ pull @ inverse + (passed * errors) @ passed.T
+        result[np.ix_(own, kept)] = passed * errors
+        result[np.ix_(kept, own)] = result[np.ix_(own, kept)].T
+        result[kept, kept] = errors
+        size = Scaling(self.free).size
+        scaled: Array = result * np.outer(size, size)
+        return scaled
+
+    def kept(self, most: Mapping[int, float]) -> list[int]:
         """Places of the numbers of which the log says nothing that was not known before.
 
         A log fixes combinations, such as the ratio of an inertia to the pull of the muscles. One
@@ -44,46 +84,40 @@ class Knowledge:
 
         Parameters
         ----------
-        narrowed : float
-            Deviation over that before the log, above which a number is kept.
-        places : sequence of int
-            The numbers that may be kept.
+        most : mapping of int to float
+            By the place of each number that may be kept: deviation over that before the log, above
+            which it is.
         """
-        rest, found = self.covariance.copy(), list[int]()
-        others = np.setdiff1d(np.arange(self.values.size), places)
+        rest, found, before = self.covariance(), list[int](), self.before
+        limit = np.full(self.values.size, np.inf)
+        limit[list(most)] = list(most.values())
         while True:
-            share = np.sqrt(np.maximum(np.diag(rest), 0.0)) / self.before
-            share[[*found, *others]] = 0.0
+            share = np.sqrt(np.maximum(np.diag(rest), 0.0)) / before / limit
+            share[found] = 0.0
             place = int(np.argmax(share))
-            if not share[place] > narrowed:
+            if not share[place] > 1.0:
                 return found
             found.append(place)
             rest = rest - np.outer(rest[:, place], rest[place]) / rest[place, place]
 
-    def given(self, kept: Sequence[int], values: Array) -> Array:
-        """Values (own units) of all numbers if some are known to be as in `values`."""
-        if not kept:
-            return self.values
-        own = [i for i in range(self.values.size) if i not in kept]
-        logs = np.array([p.is_logarithmic for p in self.free])
-        at, goal = (
-            np.where(logs, np.log(np.where(logs, x, 1.0)), x) for x in (self.values, values)
-        )
-        block = self.covariance[np.ix_(kept, kept)]
-        moved = at.copy()
-        moved[kept] = goal[kept]
-        moved[own] += self.covariance[np.ix_(own, kept)] @ np.linalg.solve(block, (goal - at)[kept])
-        own_units = np.where(logs, np.exp(np.where(logs, moved, 0.0)), moved)
-        low = np.array([p.low for p in self.free])
-        high = np.array([p.high for p in self.free])
-        result: Array = np.clip(own_units, low, high)
-        return result
+    def given(self, kept: Sequence[int]) -> Array:
+        """Values (own units) of all numbers if some are kept at what was known before."""
+        scaling, kept = Scaling(self.free), list(kept)
+        own = np.setdiff1d(np.arange(self.values.size), kept)
+        at = scaling.scaled(self.values)
+        moved = scaling.centre[kept] - at[kept]
+        at[kept] += moved
+        at[own] -= self._inverse(own) @ self.hessian[np.ix_(own, kept)] @ moved
+        return scaling.own(np.clip(at, scaling.low, scaling.high))
 
-    def relative_deviation(self, place: int, weights: Array) -> float:
-        """Deviation of the logarithm of one number less a weighted sum of those of others."""
-        row = -weights.copy()
-        row[place] += 1.0
-        return math.sqrt(max(float(row @ self.covariance @ row), 0.0))
+    def _inverse(self, own: npt.NDArray[np.intp]) -> Array:
+        """Inverse of the normal equations of some numbers, with what was known before."""
+        whole = (self.hessian + np.diag(self.prior))[np.ix_(own, own)]
+        size = np.sqrt(np.diag(whole) + 1e-12)
+        result: Array = np.linalg.inv(
+            whole / np.outer(size, size) + REGULAR * np.eye(own.size)
+        ) / np.outer(size, size)
+        return result
 
     def about(self, place: int, value: float, deviation: float) -> tuple[float, float]:
         """The 90 % interval of one number about a value, within its bounds."""
@@ -114,67 +148,27 @@ def long_run_covariance(pulls: Array, lags: int) -> Array:
     return result
 
 
-def jacobian_at(fitter: HypothesisFitter, values: Array, rules: CalibrationRules) -> Array:
-    """Derivative of the errors by all scaled numbers at one point, by central differences.
-
-    A fit keeps columns from one step to the next. Combinations of numbers that change nothing, such
-    as the scale of all forces, are only seen if all columns belong to one point.
-
-    Parameters
-    ----------
-    values : ndarray, shape (n,)
-        The point, in own units.
-    rules : CalibrationRules
-        Step of the differences, and of the integration: a coarse one would make errors that depend
-        on the numbers.
-
-    Returns
-    -------
-    ndarray, shape (rows, channels, n)
-    """
-    scaling = Scaling([n.free for n in fitter.nuisances])
-    at = np.clip(scaling.scaled(values), scaling.low, scaling.high)
-    lanes = np.repeat(at[None], 2 * at.size, axis=0)
-    ends = lanes.reshape(2, at.size, at.size)
-    place = np.arange(at.size)
-    ends[0, place, place] = np.minimum(at + rules.difference, scaling.high)
-    ends[1, place, place] = np.maximum(at - rules.difference, scaling.low)
-    width = ends[0, place, place] - ends[1, place, place]
-    full = np.array([fitter.vector((), lane) for lane in scaling.own(lanes)])
-    errors = fitter.problem.with_step(rules.fine_step).errors(full)
-    change = (errors[: at.size] - errors[at.size :]) / width[:, None, None]
-    result: Array = np.moveaxis(change, 0, -1)
-    return result
-
-
 def knowledge(
-    fitter: HypothesisFitter, folds: Folds, fitted: Hypothesis, rules: CalibrationRules
+    fitter: HypothesisFitter, point: FittedPoint, jacobian: Array, rules: CalibrationRules
 ) -> Knowledge:
-    """Covariance of a fit without effects, its ordinary background included.
+    """What a fit without effects knows, its ordinary background included.
 
     Parameters
     ----------
-    folds : Folds
-        Blocks of time of the problem.
+    fitter : HypothesisFitter
+        The fit.
+    point, jacobian
+        Where it has ended, of `last_steps`.
     rules : CalibrationRules
         How far errors are correlated, and how much more than they show the laws of a rig differ.
     """
-    free: Sequence[FreeParameter] = [n.free for n in fitter.nuisances]
-    result, own = fitted.result, len(fitter.nuisances)
-    values = result.values
-    jacobian = jacobian_at(fitter, values, rules)
-    if fitter.background is not None and result.amounts.size:
-        terms = fitter.background.terms
-        free = [*free, *terms.free]
-        values = np.concatenate([values, result.amounts])
-        jacobian = np.concatenate([jacobian, terms.slopes()], axis=-1)
-    scaling = Scaling(free)
-    counted = fitter.problem.counted
-    weights = 1.0 / np.maximum(mean_squares(result.errors, counted), fitter.floor)
+    free = all_free(fitter)
+    counted, folds = fitter.problem.counted, make_folds(fitter.problem)
+    weights = 1.0 / np.maximum(mean_squares(point.errors, counted), fitter.floor)
     n = len(free)
     slopes, hessian = np.zeros((folds.n_blocks, n)), np.zeros((n, n))
     for channel in np.flatnonzero(fitter.problem.present):
-        e, d = result.errors[:, channel], jacobian[:, channel]
+        e, d = point.errors[:, channel], jacobian[:, channel]
         known = counted & np.isfinite(e) & np.isfinite(d).all(axis=1)
         hessian += weights[channel] * d[known].T @ d[known]
         inside = known & (folds.score_block >= 0)
@@ -182,13 +176,8 @@ def knowledge(
         pulls = np.sqrt(share) * weights[channel] * d[inside] * e[inside, None]
         np.add.at(slopes, folds.score_block[inside], pulls)
     score = long_run_covariance(slopes - slopes.mean(axis=0), rules.lags) + hessian
-    prior = np.diag(scaling.weight**2)
-    whole = hessian + prior
-    whole[np.diag_indices(n)] += 1e-9 * np.max(np.diag(whole)) + 1e-12
-    inverse = np.linalg.inv(whole)
-    # what was known beforehand has the weight of `correlation` independent observations
-    scaled = inverse @ (rules.discrepancy**2 * score + rules.correlation * prior) @ inverse
-    covariance = scaled * np.outer(scaling.size, scaling.size)
-    known_before = np.sqrt(rules.correlation) * np.array([p.prior for p in free])
-    before = np.where(known_before > 0.0, known_before, np.inf)
-    return Knowledge(tuple(free[:own]), values[:own], covariance[:own, :own], before[:own])
+    values = np.concatenate([point.values, point.amounts])
+    prior = Scaling(free).weight ** 2
+    return Knowledge(
+        tuple(free), values, hessian, rules.discrepancy**2 * score, prior, rules.correlation
+    )

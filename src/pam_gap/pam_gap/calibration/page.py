@@ -13,7 +13,6 @@ from pam_gap.answer.user_units import plain, told
 from pam_gap.calibration.answer import interval_words, sentence, status_words, written_value
 from pam_gap.calibration.calibration import KEPT, Calibration
 from pam_gap.prediction.channel_order import UNITS
-from pam_gap.prediction.channels import block_means
 from pam_gap.prediction.problem import PredictionProblem
 
 CALIBRATED = "calibrated rig file"
@@ -47,7 +46,7 @@ def traces(problem: PredictionProblem, before: np.ndarray, after: np.ndarray) ->
     data = problem.data[0]
     found = []
     for c in np.flatnonzero(problem.present):
-        measured = block_means(data.measured[:, c], problem.block)
+        measured = data.rows(data.measured[:, c])
         predicted = measured - errors[:, :, c] * data.block_deviation[c]
         found.append(
             Trace(

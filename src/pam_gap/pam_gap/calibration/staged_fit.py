@@ -58,6 +58,23 @@ def motion_records(problem: PredictionProblem) -> list[MotionRecord]:
     ]
 
 
+def without_false_stops(problem: PredictionProblem, rules: CalibrationRules) -> PredictionProblem:
+    """The problem with stops that the joint does not meet where it has moved.
+
+    A stop that the joint has passed is not where the rig file says: its encoder has another zero.
+    The simulated joint would lose its speed there, and whether it just reaches the stop would
+    depend on every number.
+    """
+    low, high = (problem.base[f"joint.{end}_limit"] for end in ("lower", "upper"))
+    angles = [data.measured[:, POSITION] for data in problem.data]
+    least = float(np.min([np.nanmin(one) for one in angles])) - rules.stop_margin
+    most = float(np.max([np.nanmax(one) for one in angles])) + rules.stop_margin
+    if low <= least and most <= high:
+        return problem
+    changed = {"joint.lower_limit": min(low, least), "joint.upper_limit": max(high, most)}
+    return problem.based_on(changed)
+
+
 def first_numbers(
     problem: PredictionProblem, partial: PartialRig, lengths: Mapping[str, float]
 ) -> dict[str, float]:
@@ -248,37 +265,3 @@ def fit_together(
         if turn < rules.rounds - 1:
             valves = valves.moved(fitted.result.amounts)
     return JointFit(fitter, fitted)
-
-
-def fit_beside_kept(
-    fitter: HypothesisFitter, kept: Sequence[int], values: Array, rules: CalibrationRules
-) -> Array:
-    """Values of all numbers if some are not fitted but kept.
-
-    Parameters
-    ----------
-    fitter : HypothesisFitter
-        Of `fit_together`.
-    kept : sequence of int
-        Places of the numbers that are kept.
-    values : ndarray, shape (n,)
-        Of all numbers; those that are kept, and where the fit of the others begins.
-    rules : CalibrationRules
-        Steps of the fit.
-    """
-    nuisances = fitter.nuisances
-    own = [place for place in range(len(nuisances)) if place not in kept]
-    problem = fitter.problem.based_on(
-        {
-            nuisances[k].targets[0]: float(values[k])
-            for k in kept
-            if nuisances[k].targets[0] in INDEX
-        }
-    )
-    beside = HypothesisFitter(problem, fitter.floor, [nuisances[k] for k in own])
-    beside.nuisances = tuple(nuisances[k] for k in own)
-    beside.parts = beside.background = fitter.background
-    fitted = beside.fit((), values[own], max_iterations=rules.kept_steps)
-    result = values.copy()
-    result[own] = fitted.result.values
-    return result

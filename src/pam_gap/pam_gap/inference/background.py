@@ -29,7 +29,7 @@ import numpy as np
 
 from pam_gap.inference.candidates import ordinary_sizes, rig_scales
 from pam_gap.prediction.channel_order import BOTH_FORCES, BOTH_PRESSURES, POSITION
-from pam_gap.prediction.channels import Channels, block_means
+from pam_gap.prediction.channels import Channels
 from pam_gap.prediction.fit import (
     Array,
     FreeParameter,
@@ -309,9 +309,9 @@ def encoder_changes(problem: PredictionProblem, errors: Array) -> list[Array]:
     """Changes by an eccentric encoder (two phases) and by its drift."""
     if not problem.present[POSITION]:
         return []
-    block, data = problem.block, problem.data
-    angle = np.concatenate([block_means(one.measured[:, POSITION], block) for one in data])
-    elapsed = np.concatenate([block_means(_elapsed(one), block) for one in data])
+    data = problem.data
+    angle = np.concatenate([one.rows(one.measured[:, POSITION]) for one in data])
+    elapsed = np.concatenate([one.rows(_elapsed(one)) for one in data])
     found = []
     for shape in (np.sin(angle), np.cos(angle), elapsed - 0.5):
         change = np.zeros_like(errors)

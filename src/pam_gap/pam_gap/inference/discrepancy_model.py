@@ -15,7 +15,7 @@ import numpy as np
 
 from pam_gap.inference.held_out import Folds
 from pam_gap.prediction.channel_order import BOTH_PRESSURES, POSITION
-from pam_gap.prediction.channels import Channels, block_means
+from pam_gap.prediction.channels import Channels
 from pam_gap.prediction.fit import Array
 from pam_gap.prediction.problem import PredictionProblem
 
@@ -58,11 +58,11 @@ def _past(values: Array, step: float) -> list[Array]:
     return [seen[:, k] for k in range(len(MEMORY))]
 
 
-def _signals(data: Channels, block: int) -> tuple[Array, Array, Array]:
+def _signals(data: Channels) -> tuple[Array, Array, Array]:
     """Signals of one recording (rows, n), their rates and past (rows, m), and the angle (rows,)."""
-    step = block * data.recording.sample_time
-    measured = _known(block_means(data.measured, block))
-    commands = _known(block_means(data.commands, block))
+    step = data.row_time
+    measured = _known(data.rows(data.measured))
+    commands = _known(data.rows(data.commands))
     pressures, angle = measured[:, BOTH_PRESSURES], measured[:, POSITION]
     window = np.ones(max(1, round(SMOOTHING / step)))
     window /= window.size
@@ -78,7 +78,7 @@ def _signals(data: Channels, block: int) -> tuple[Array, Array, Array]:
 
 def _regressors(problem: PredictionProblem) -> Array:
     """Columns of the regression, shape (n_rows, columns)."""
-    parts = zip(*(_signals(data, problem.block) for data in problem.data), strict=True)
+    parts = zip(*(_signals(data) for data in problem.data), strict=True)
     signals, rates, angle = (np.concatenate(part) for part in parts)
     base, n = _standardised(signals), signals.shape[1]
     products = [base[:, i] * base[:, j] for i in range(n) for j in range(i, n)]

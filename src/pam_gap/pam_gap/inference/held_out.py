@@ -19,7 +19,6 @@ import numpy as np
 from pam_gap.inference.hypothesis import FitTask, Hypothesis, HypothesisFitter, Rows
 from pam_gap.inference.score import Score
 from pam_gap.prediction.channel_order import POSITION
-from pam_gap.prediction.channels import block_means
 from pam_gap.prediction.fit import Array
 from pam_gap.prediction.problem import PredictionProblem
 from pam_model.robot import compose
@@ -87,7 +86,7 @@ def held_lengths(problem: PredictionProblem) -> np.ndarray | None:
     rules = problem.rules.search
     position = np.concatenate(
         [
-            block_means(data.measured[:, POSITION], problem.block)[: int(end - start)]
+            data.rows(data.measured[:, POSITION])[: int(end - start)]
             for data, start, end in zip(
                 problem.data, problem.offsets[:-1], problem.offsets[1:], strict=True
             )
@@ -165,7 +164,8 @@ def score_all(
     """Held-out scores of several hypotheses; all their fits run side by side.
 
     The amounts of an ordinary background are those of all data. They are not what is tested, and
-    a drift that was fitted to one fold would be carried on into the other.
+    a drift that was fitted to one fold would be carried on into the other. An effect that only one
+    fold shows keeps about its size in the fit to the other one.
     """
     is_fitted = [bool(h.result.values.size) for h in hypotheses]
     tasks = [
@@ -176,6 +176,7 @@ def score_all(
             cached=h.result.jacobian,
             amounts=h.result.amounts,
             is_bare=not h.result.amounts.size,
+            stays=True,
         )
         for h, fitted in zip(hypotheses, is_fitted, strict=True)
         if fitted

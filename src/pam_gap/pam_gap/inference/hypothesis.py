@@ -134,6 +134,8 @@ class FitTask:
     # amounts of the ordinary background that are kept; by default they are fitted
     amounts: Array | None = None
     is_bare: bool = False  # whether the fit is without an ordinary background
+    # whether the numbers of the effects stay near the start where the rows say little of them
+    stays: bool = False
     errors: Array | None = None  # errors of the simulation alone at the start, where they are known
 
     @classmethod
@@ -146,13 +148,14 @@ class FitTask:
         cached: Slopes | None = None,
         amounts: Array | None = None,
         is_bare: bool = False,
+        stays: bool = False,
     ) -> FitTask:
         """The fit of a hypothesis, continued from its result; nothing is simulated again."""
         first = 0 if cached is None else cached.shape[-1]
         return cls(
             h.members, h.result.values, max_iterations, rows, cached,
             h.result.jacobian[..., first:], amounts=amounts, is_bare=is_bare,
-            errors=h.result.simulated,
+            stays=stays, errors=h.result.simulated,
         )  # fmt: skip
 
 
@@ -281,6 +284,9 @@ class HypothesisFitter:
         background = None if task.is_bare else self.background
         if not free and background is None:
             return None
+        rows = self.problem.counted if task.rows is None else task.rows
+        if task.stays:
+            free = self._near(free, task.start, int(rows.sum()))
         places = [np.array([INDEX[name] for name in group]) for group in targets]
         fit = fit_steps
         if background is not None:
@@ -289,7 +295,7 @@ class HypothesisFitter:
         steps = fit(
             free,
             task.start,
-            rows=self.problem.counted if task.rows is None else task.rows,
+            rows=rows,
             floor=self.floor,
             cached=task.cached,
             guess=task.guess,
@@ -299,6 +305,18 @@ class HypothesisFitter:
             rules=self.rules.prediction,
         )
         return partial(self.problem.vectors, self.problem.base.values, places, factor), steps
+
+    def _near(self, free: list[FreeParameter], start: Array, rows: int) -> list[FreeParameter]:
+        """The numbers of the effects with a prior of their typical size around the start.
+
+        The rows of a channel are worth a few independent errors, and the prior is one of these.
+        """
+        own = len(self.nuisances)
+        worth = (self.rules.statement.independent_errors / max(rows, 1)) ** 0.5
+        return free[:own] + [
+            replace(one, prior=worth * one.size, centre=float(value))
+            for one, value in zip(free[own:], start[own:], strict=True)
+        ]
 
     def fit_nominal(self) -> Hypothesis:
         """Fit the re-tuned plant without effects; every other fit starts from the result.

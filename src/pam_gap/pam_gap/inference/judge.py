@@ -70,9 +70,10 @@ class Judge:
     def background_share(self, scores: Sequence[Score], background: Array) -> float:
         """Share of a background that counts, from what the best hypothesis leaves of it.
 
-        A background acts on all channels together, so that one share of it, the geometric mean
-        over the channels, holds for all; a margin is added. Hypotheses with effects of ordinary
-        size do not count, because these belong to the background themselves.
+        A background acts on all channels together, so that one share of it, the mean over the
+        channels, holds for all; a margin is added. A channel whose background hardly stands out of
+        its noise is then no proof of the others. Hypotheses with effects of ordinary size do not
+        count, because these belong to the background themselves.
 
         Parameters
         ----------
@@ -88,8 +89,8 @@ class Judge:
     def share_of(self, mean_square: Array, background: Array) -> float:
         """The same for the mean squares that one hypothesis leaves, shape (channels,)."""
         usual = background[self.present]
-        left = np.maximum((mean_square - self.noise)[self.present], 1e-9 * usual)
-        return self.rules.decision.background_reach * float(np.exp(np.mean(np.log(left / usual))))
+        left = np.maximum((mean_square - self.noise)[self.present], 0.0)
+        return self.rules.decision.background_reach * float(np.mean(left / usual))
 
     def set_floor(self, scores: Sequence[Score]) -> None:
         """Set the floor against which hypotheses are judged, from the scores of all of them.

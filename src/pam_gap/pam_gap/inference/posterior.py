@@ -186,7 +186,7 @@ def _beliefs(evidence: Evidence[Any], rules: Rules) -> tuple[dict[str, float], d
     prior, outside = prior_of_sets(statement), _prior_outside(evidence, statement)
     beforehand = np.array([
         prior[min(score.size, len(prior) - 1)] if not score.unlisted
-        else outside - statement.flexible_price if score is evidence.flexible
+        else outside - statement.flexible_price * noise.size if score is evidence.flexible
         else outside - log(len(evidence.unlisted))
         for score in scores
     ])  # fmt: skip

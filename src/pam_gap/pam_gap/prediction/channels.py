@@ -50,6 +50,7 @@ class Channels:
     # shape (N_CHANNELS,): Whether a channel is compared with its prediction. The position of a
     # locked joint and the `silent` channels of a recording are known but not compared.
     votes: npt.NDArray[np.bool_]
+    block: int  # number of samples that are averaged into one row of errors
     # shape (N,): external torque on the joint [N m]; None if it was not recorded
     external: Array | None = None
     # shape (N, 2): what the muscles of other joints draw from the supply that all share, see
@@ -57,6 +58,18 @@ class Channels:
     drawn: Array | None = None
     # lever arm of the pulley; by default that of a round one with the stated radius
     arm: UnevenPulley = ROUND
+
+    @property
+    def row_time(self) -> float:
+        """Time of one row of errors [s]."""
+        return self.block * self.recording.sample_time
+
+    def rows(self, values: Array) -> Array:
+        """Means of the samples of each row of errors, shape (rows, ...); a remainder is dropped."""
+        count = len(values) // self.block
+        whole = values[: count * self.block]
+        means: Array = whole.reshape(count, self.block, *values.shape[1:]).mean(axis=1)
+        return means
 
 
 def channel_names(rig: Rig, joint: int) -> tuple[str, ...]:
@@ -89,6 +102,7 @@ def joint_channels(recording: Recording, rig: Rig, joint: int, rules: Rules = DE
     known = np.zeros((count, N_CHANNELS), dtype=np.bool_)
     noise: dict[str, ChannelNoise] = dict(noise_floor(recording, rules.recording))
     finest = finest_deviations(rig, joint, rules.recording)
+    block = max(1, round(rules.prediction.block_time / recording.sample_time))
     votes = np.ones(N_CHANNELS, dtype=np.bool_)
     deviation = np.full(N_CHANNELS, np.nan)
     block_deviation = np.full(N_CHANNELS, np.nan)
@@ -98,9 +112,7 @@ def joint_channels(recording: Recording, rig: Rig, joint: int, rules: Rules = DE
             known[:, i] = recording.valid[name]
             found = noise[name].at_least(float(finest[i]))
             deviation[i] = found.deviation
-            block_deviation[i] = np.sqrt(
-                found.deviation**2 / rules.prediction.block + found.resolution**2 / 12.0
-            )
+            block_deviation[i] = np.sqrt(found.deviation**2 / block + found.resolution**2 / 12.0)
             votes[i] = name not in recording.silent
     votes[POSITION] &= recording.mounting != LOCKED
     commands = np.zeros((count, 2))
@@ -120,6 +132,7 @@ def joint_channels(recording: Recording, rig: Rig, joint: int, rules: Rules = DE
         block_deviation,
         has_commands,
         votes,
+        block,
         torque,
         drawn_by_others(recording, rig, joint),
     )
@@ -163,10 +176,3 @@ def drawn_by_others(recording: Recording, rig: Rig, joint: int) -> Array | None:
     ]
     total: Array = np.sum(rows, axis=0)
     return total
-
-
-def block_means(values: Array, block: int) -> Array:
-    """Means over `block` consecutive samples, shape (N // block, ...); a remainder is dropped."""
-    rows = len(values) // block
-    means: Array = values[: rows * block].reshape(rows, block, *values.shape[1:]).mean(axis=1)
-    return means

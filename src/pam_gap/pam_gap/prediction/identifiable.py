@@ -10,7 +10,6 @@ import numpy as np
 
 from pam_gap.prediction.bench_joint import wrong_bench_wiring
 from pam_gap.prediction.channel_order import BOTH_PRESSURES, POSITION, UNITS
-from pam_gap.prediction.channels import block_means
 from pam_gap.prediction.dead_sensors import dead_encoder, dead_pressure_sensors
 from pam_gap.prediction.fit import Array
 from pam_gap.prediction.problem import PredictionProblem
@@ -33,9 +32,9 @@ def counted_seconds(problem: PredictionProblem) -> Array:
         problem.data, problem.offsets[:-1], problem.offsets[1:], strict=True
     ):
         rows = int(end - start)
-        known = block_means(data.known.astype(np.float64), problem.block)[:rows] > 0.999
+        known = data.rows(data.known.astype(np.float64))[:rows] > 0.999
         counted = known & problem.counted[start:end, None] & data.votes
-        seconds += counted.sum(axis=0) * problem.block * data.recording.sample_time
+        seconds += counted.sum(axis=0) * data.row_time
     result: Array = np.where(problem.present, seconds, 0.0)
     return result
 
@@ -47,7 +46,7 @@ def is_too_still(problem: PredictionProblem) -> bool:
         problem.data, problem.offsets[:-1], problem.offsets[1:], strict=True
     ):
         counted = problem.counted[start:end]
-        means = block_means(data.measured, problem.block)[: int(end - start)][counted]
+        means = data.rows(data.measured)[: int(end - start)][counted]
         if not len(means):
             continue
         low, high = np.percentile(means, [2.5, 97.5], axis=0)

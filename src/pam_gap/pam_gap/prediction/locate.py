@@ -23,7 +23,6 @@ from pam_gap.prediction.channel_order import (
     BOTH_PRESSURES,
     POSITION,
 )
-from pam_gap.prediction.channels import block_means
 from pam_gap.prediction.fit import Array, mean_squares
 from pam_gap.prediction.gap_figures import noise_level
 from pam_gap.prediction.problem import PredictionProblem, PredictionSettings
@@ -121,8 +120,8 @@ def late_channels(problem: PredictionProblem, errors: Array) -> tuple[tuple[str,
         for data, start, end in zip(
             problem.data, problem.offsets[:-1], problem.offsets[1:], strict=True
         ):
-            mean = block_means(data.measured[:, c], problem.block)
-            rate = np.gradient(mean, problem.block * data.recording.sample_time)
+            mean = data.rows(data.measured[:, c])
+            rate = np.gradient(mean, data.row_time)
             e = errors[start:end, c] * data.block_deviation[c]
             known = np.isfinite(e) & problem.counted[start:end]
             top -= float(e[known] @ rate[known])
@@ -156,10 +155,10 @@ def regimes(problem: PredictionProblem, errors: Array) -> tuple[tuple[str, float
     for data, start, end in zip(
         problem.data, problem.offsets[:-1], problem.offsets[1:], strict=True
     ):
-        mean_of = block_means(data.measured, problem.block)
+        mean_of = data.rows(data.measured)
         pressure[start:end] = mean_of[:, BOTH_PRESSURES][:, : len(problem.sides)].mean(axis=1)
         position[start:end] = mean_of[:, POSITION]
-        step = problem.block * data.recording.sample_time
+        step = data.row_time
         wide = max(1, round(0.04 / step))
         smooth = np.convolve(mean_of[:, POSITION], np.ones(wide) / wide, mode="same")
         speed[start:end] = np.gradient(smooth, step)

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from pam_gap.prediction.channel_order import AGONIST_FORCE, POSITION, UNITS
-from pam_gap.prediction.channels import block_means
 from pam_gap.prediction.fit import Array
 from pam_gap.prediction.problem import PredictionProblem
 
@@ -88,7 +87,7 @@ def motion_ranges(problem: PredictionProblem) -> Array:
     """Range in which each channel moved while it counted, in its unit, shape (N_CHANNELS,)."""
     means = np.concatenate(
         [
-            block_means(data.measured, problem.block)[: int(end - start)]
+            data.rows(data.measured)[: int(end - start)]
             for data, start, end in zip(
                 problem.data, problem.offsets[:-1], problem.offsets[1:], strict=True
             )

@@ -181,7 +181,6 @@ class PredictionProblem:
         self.joint = joint
         self.names = channel_names(rig, joint)
         self.rules = rules
-        self.block = rules.prediction.block
         self.data = tuple(joint_channels(r, rig, joint, rules) for r in recordings)
         self.base = PlantParameters.from_rig(rig, joint)
         self.threads = threads
@@ -285,7 +284,7 @@ class PredictionProblem:
                 external=data.external,
                 drawn=data.drawn,
                 shut=followed or data.recording.mounting == SHUT,
-                block=self.block,
+                block=data.block,
                 catch_time=rules.catch_time,
                 catch_bandwidth=rules.catch_bandwidth,
                 threads=self.threads,
@@ -298,11 +297,11 @@ class PredictionProblem:
     def _set_rows(self) -> None:
         """Number the rows of the errors of all recordings, and find out what each compares."""
         self.compared = tuple(self._compared(data) for data in self.data)
-        rows = [len(data.measured) // self.block for data in self.data]
+        rows = [len(data.measured) // data.block for data in self.data]
         self.offsets = np.concatenate(([0], np.cumsum(rows)))
         self.row_time = np.concatenate(
             [
-                (np.arange(count) + 0.5) * self.block * data.recording.sample_time
+                (np.arange(count) + 0.5) * data.row_time
                 for count, data in zip(rows, self.data, strict=True)
             ]
         )
@@ -310,8 +309,8 @@ class PredictionProblem:
 
     def _compared(self, data: Channels) -> npt.NDArray[np.bool_]:
         """Whether a row of the errors of one recording compares each channel."""
-        rows = len(data.measured) // self.block
-        known = data.known[: rows * self.block].reshape(rows, self.block, N_CHANNELS).all(axis=1)
+        rows = len(data.measured) // data.block
+        known = data.known[: rows * data.block].reshape(rows, data.block, N_CHANNELS).all(axis=1)
         compared: npt.NDArray[np.bool_] = known & data.votes & np.isfinite(data.block_deviation)
         return compared
 

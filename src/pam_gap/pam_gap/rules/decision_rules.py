@@ -90,8 +90,8 @@ class DecisionRules:
         origin="Data sheets of load cells with amplifiers state 0.1 to 0.3 %.")
     background_reach: float = decision_rule(2.0, unit="of the mean square",
         decides="Multiple of what the best hypothesis leaves above the noise (as a share of an "
-                "ordinary background, geometric mean over the channels) that counts as "
-                "background, up to a whole ordinary background.",
+                "ordinary background, mean over the channels) that counts as background, up "
+                "to a whole ordinary background.",
         trades="Larger: weak effects on very clean rigs are not reported. Smaller: a hypothesis "
                "that fits the background by chance makes it count as a gap.",
         origin="1.4 times the RMS error; set by hand after the first drawn rigs had been seen.")

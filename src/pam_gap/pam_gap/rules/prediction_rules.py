@@ -21,10 +21,13 @@ class PredictionRules:
         decides="Time at the start of a recording that is not scored.",
         trades="Shorter: the unknown initial state looks like a gap. Longer: short recordings "
                "lose most of their data.")
-    block: int = rule(4, unit="samples",
-        decides="Samples averaged into one row of prediction errors.",
-        trades="Larger: less noise and shorter computing time, but delays of a few samples "
-               "become indistinct.")
+    block_time: float = rule(0.01, unit="s",
+        decides="Time over which samples are averaged into one row of prediction errors; a row "
+                "has at least one sample.",
+        trades="Longer: less noise and shorter computing time, but short delays and lags become "
+               "indistinct.",
+        origin="The time constant of a quick valve. It was four samples at any rate before, which "
+               "hid what is quick in a slow log.")
     step: float = rule(2e-3, unit="s",
         decides="Longest step of the integration.",
         trades="Larger: faster and less accurate. A step of 0.5 ms changes the errors by 1e-4 of "

@@ -43,9 +43,10 @@ class Statement:
         Probability that a law with several forms is the true one; it errs as little as a law with
         one form only then.
     flexible_price : float
-        What a flexible law of the recorded signals takes off its log likelihood. It has no physics
-        and stands for a cause outside the table that follows a law of its own; its many numbers are
-        priced together, and it is wrong by `law_error` as the laws of the table are.
+        What a flexible law of the recorded signals takes off its log likelihood for each channel,
+        which has a regression of its own. It has no physics and stands for a cause outside the
+        table that follows a law of its own; its many numbers are priced together, and it is wrong
+        by `law_error` as the laws of the table are.
     least_unknown, largest_unknown : float
         RMS change that a cause outside the table makes of each channel, in multiples of what an
         ordinary background leaves: all sizes between these two are equally probable on a
@@ -61,14 +62,14 @@ class Statement:
     three: float = 0.02
     outside: float = 0.2
     hidden: float = 0.08
-    background_spread: float = 1.0
+    background_spread: float = 0.8
     channel_freedom: float = 17.0
     independent_errors: float = 4.2
-    number_price: float = 0.24
+    number_price: float = 0.4
     sharp_law_error: float = 0.02
     law_error: float = 0.55
     right_law: float = 0.15
-    flexible_price: float = 3.3
+    flexible_price: float = 1.0
     least_unknown: float = 0.2
     largest_unknown: float = 300.0
     false_name: float = 1.0

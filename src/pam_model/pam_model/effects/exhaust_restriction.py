@@ -56,7 +56,8 @@ EFFECT = Effect(
     search=Search(
         ranges=search_ranges,
         shown_by=("commands",),
-        is_sharp=True,
+        # A silencer in series has its own conductance, and hardly limits a small opening; a
+        # narrow path in the valve is a constant ratio.
     ),
     portrait=Portrait(
         sizes={"ratio": 0.6},

@@ -27,6 +27,9 @@ Vector = npt.NDArray[np.float64]
 WIDEST = 25.0
 FASTEST_VOLUME = 2.5e5  # 1/s, fastest pressure rate of a tube or reservoir
 SHORTEST_SHARE = 0.05  # of the thread length; no braid is as short, but a diverging fit may be
+LEAST_DEAD = 4e-4
+"""Least dead volume, over b^3/(4 pi n^2): no fit may reach an empty muscle of no volume. A muscle
+of any size has the same share, so that the laws do not depend on its size."""
 RIGID_CONTACT = 1.0001e-4
 """Presliding angle [rad] up to which a contact is modelled as rigid: encoders hardly resolve it,
 and its stiffness would need very short integration steps."""
@@ -244,7 +247,7 @@ def _muscle_constants(
     c[m + lay.M_D90] = d90
     c[m + lay.M_REST] = written("rest_length")
     c[m + lay.M_NEUTRAL] = written("neutral_length")
-    c[m + lay.M_DEAD] = max(adjusted("dead_volume"), 1e-7)
+    c[m + lay.M_DEAD] = max(adjusted("dead_volume"), LEAST_DEAD * b * b * b * scale)
     c[m + lay.M_FACTOR] = adjusted("contraction_factor")
     c[m + lay.M_THRESHOLD] = adjusted("threshold_pressure")
     c[m + lay.M_SHORTEST], c[m + lay.M_LONGEST] = shortest, longest
