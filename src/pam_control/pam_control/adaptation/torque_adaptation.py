@@ -19,10 +19,11 @@ position with the reference of that earlier time, and late pressures with the pl
 Errors of sensors, and muscles that are stronger or weaker than written, are ordinary as well. They
 seem to be torques that grow with the pressures, for which functions of the motion alone are no
 substitute: while a joint is taken over and its muscles are stiffened, they would be taken for
-viscous friction or inertia, and act in the first stroke. So every explanation has them. A false
-zero of the position seems to be a torque of the zero times k + dg/dq, the stiffness of the muscles
-and the slope of the weight. A pressure that is shown too large by a share s seems to be s times the
-torque of that muscle. This is s/2 times the torque of all muscles, which is the torque of the
+viscous friction or inertia, and act in the first stroke. So every explanation without dry friction
+has them; beside it, they would share a constant torque with it in a motion that was learnt before.
+A false zero of the position seems to be a torque of the zero times k + dg/dq, the stiffness of the
+muscles and the slope of the weight. A pressure that is shown too large by a share s seems to be s
+times the torque of that muscle. This is s/2 times the torque of all muscles, which is the torque of the
 motion, and so among the functions; and s/2 times the sum of the muscles' torques without their
 signs, their grip.
 
@@ -100,12 +101,13 @@ SLIPS: Final = tuple(range(5, 5 + len(SLIP_LENGTHS)))
 DELAY: Final = 7 + len(SLIP_LENGTHS)
 ZERO: Final = DELAY + 1
 GRIP: Final = ZERO + 1
-SMOOTH: Final = (0, 1, 2, 3, 4, 5 + len(SLIP_LENGTHS), 6 + len(SLIP_LENGTHS), ZERO, GRIP)
+SMOOTH: Final = (0, 1, 2, 3, 4, 5 + len(SLIP_LENGTHS), 6 + len(SLIP_LENGTHS))
+SENSORS: Final = (ZERO, GRIP)
 RIVALS: Final = (
-    Rival(SMOOTH, 0.0),
-    Rival((*SMOOTH[:-2], *SLIPS), 2.0, exact=False),
-    Rival((*SMOOTH, DELAY), 0.0, better=2.0, exact=False),
-    Rival((*SMOOTH[:-2], *SLIPS, DELAY), 0.0, better=4.0, exact=False),
+    Rival((*SMOOTH, *SENSORS), 0.0),
+    Rival((*SMOOTH, *SLIPS), 2.0, exact=False),
+    Rival((*SMOOTH, *SENSORS, DELAY), 0.0, better=2.0, exact=False),
+    Rival((*SMOOTH, *SLIPS, DELAY), 0.0, better=4.0, exact=False),
 )
 """By the numbers of the functions of `motion_functions`, after which come the delay, the zero of
 the position and the grip. Dry friction is ordinary. A delay has to explain what nothing else does;
