@@ -23,8 +23,8 @@ viscous friction or inertia, and act in the first stroke. So every explanation w
 has them; beside it, they would share a constant torque with it in a motion that was learnt before.
 A false zero of the position seems to be a torque of the zero times k + dg/dq, the stiffness of the
 muscles and the slope of the weight. A pressure that is shown too large by a share s seems to be s
-times the torque of that muscle. This is s/2 times the torque of all muscles, which is the torque of the
-motion, and so among the functions; and s/2 times the sum of the muscles' torques without their
+times the torque of that muscle. This is s/2 times the torque of all muscles, which is the torque of
+the motion, and so among the functions; and s/2 times the sum of the muscles' torques without their
 signs, their grip.
 
 Nothing is learnt from a joint that stands still, because its friction may then be anything, and
