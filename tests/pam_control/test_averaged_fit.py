@@ -15,9 +15,10 @@ from pam_control.adaptation.motion_functions import (
 from pam_control.adaptation.normal_equations import CORRELATED, SOLVED_EVERY
 from pam_control.adaptation.torque_adaptation import (
     DELAY,
+    GRIP,
     RIVALS,
     SLIPS,
-    STIFFNESS,
+    ZERO,
     TorqueAdaptation,
     move_reference,
     take_torque,
@@ -89,6 +90,7 @@ def test_what_was_learnt_follows_a_change():
 
 LARGEST = 30.0  # N m
 STIFF = 14.0  # N m/rad
+PULLS = 20.0  # N m, of both muscles without their signs
 STROKE = 0.05 * LARGEST  # N m of friction
 
 
@@ -104,7 +106,7 @@ def after_one_stroke(torque):
         move_memory(memory, 0, q, step)
         elements = [element(memory, 0, number) for number in range(N_ELEMENTS)]
         rate = 12.0 * speed
-        functions = np.array([1.0, q, q**3, speed, acceleration, *elements, rate, STIFF])
+        functions = np.array([1.0, q, q**3, speed, acceleration, *elements, rate, STIFF, PULLS])
         value = torque(speed, elements, rate)
         learnt.update(functions, value, step * min(abs(speed) / 0.1, 1.0))
     return learnt
@@ -124,7 +126,8 @@ def test_viscosity_is_no_dry_friction_after_the_first_stroke():
     assert sum(learnt.weights[place] for place in SLIPS) < 0.05
 
 
-def test_a_false_zero_is_no_viscosity_when_a_joint_is_taken_over():
+@pytest.mark.parametrize("place", [ZERO, GRIP])
+def test_a_false_sensor_is_no_viscosity_when_a_joint_is_taken_over(place):
     """The muscles are stiffened while the joint hardly moves; the error grows with their force."""
     learnt = TorqueAdaptation([0.0] * N_PLAN, [0.0] * N_LEARNING, 0.05, 0.25, LARGEST)._fit
     memory, step = [0.0] * N_MEMORY, 0.01
@@ -136,18 +139,15 @@ def test_a_false_zero_is_no_viscosity_when_a_joint_is_taken_over():
         move_memory(memory, 0, q, step)
         elements = [element(memory, 0, number) for number in range(N_ELEMENTS)]
         acceleration = -(np.pi**2) * q
-        functions = [1.0, q, q**3, speed, acceleration, *elements, 12.0 * speed, stiffness]
-        learnt.update(np.array(functions), 0.045 * stiffness, step)
-    assert learnt.certainty(STIFFNESS) > 0.9
-    fast = [0.0, 0.0, 0.0, 1.0, 0.0, *[0.0] * N_ELEMENTS, 12.0, 0.0]
+        sensors = [stiffness, PULLS * stiffness / STIFF * (1.0 + 0.5 * q)]
+        functions = [1.0, q, q**3, speed, acceleration, *elements, 12.0 * speed, *sensors]
+        learnt.update(np.array(functions), 0.04 * functions[place], step)
+    fast = [0.0, 0.0, 0.0, 1.0, 0.0, *[0.0] * N_ELEMENTS, 12.0, 0.0, 0.0]
     assert abs(np.dot(learnt.fitted, fast)) < 0.02, "N m at 1 rad/s"
 
 
 def test_the_functions_of_the_rivals_are_those_of_the_motion():
-    assert {place for rival in RIVALS for place in rival.functions} == {
-        *range(DELAY + 1),
-        STIFFNESS,
-    }
+    assert {place for rival in RIVALS for place in rival.functions} == {*range(GRIP + 1)}
     assert len(DEVIATIONS) == DELAY
 
 
@@ -219,6 +219,8 @@ def test_the_rest_after_a_take_over_tells_a_load_from_friction(load, friction):
         push = 0.5 / 0.8**2 * 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x)
         move_reference(y, row, k * step, position)
         beside = load + friction * np.tanh(speed / 0.02) + damping * speed + inertia * push
-        if take_torque(row, step, beside, 0.0, position, speed, 0.01, STIFF):
+        if take_torque(row, step, beside, 0.0, position, speed, 0.01, STIFF, PULLS):
             learnt.update()
-    assert learnt._fit.fitted[0] == pytest.approx(load, abs=0.05)
+    found = learnt._fit.fitted
+    always = found[0] + found[ZERO] * STIFF + found[GRIP] * PULLS
+    assert always == pytest.approx(load, abs=0.05)

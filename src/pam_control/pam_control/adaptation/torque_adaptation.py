@@ -16,10 +16,16 @@ position seems to be early: d times its rate at a fixed position is left over. I
 so much that only a rival explanation can have it (`averaged_fit`). The controller compares a late
 position with the reference of that earlier time, and late pressures with the plan of theirs.
 
-A false zero of the position seems to be a torque of the zero times the stiffness k(P) of the
-muscles, and a false gain or zero of a pressure one that grows with it as well. While a joint is
-taken over, or its stiffness changes, no function of the motion can tell this; it would be taken for
-viscous friction or inertia. So a rival has the stiffness as well.
+Errors of sensors, and muscles that are stronger or weaker than written, are ordinary as well. They
+seem to be torques that grow with the pressures, for which functions of the motion alone are no
+substitute: while a joint is taken over and its muscles are stiffened, they would be taken for
+viscous friction or inertia, and act in the first stroke. So every explanation without dry friction
+has them; beside it, they would share a constant torque with it in a motion that was learnt before.
+A false zero of the position seems to be a torque of the zero times k + dg/dq, the stiffness of the
+muscles and the slope of the weight. A pressure that is shown too large by a share s seems to be s
+times the torque of that muscle. This is s/2 times the torque of all muscles, which is the torque of
+the motion, and so among the functions; and s/2 times the sum of the muscles' torques without their
+signs, their grip.
 
 Nothing is learnt from a joint that stands still, because its friction may then be anything, and
 what a slow joint shows counts by the way, not by the time. The exception is where it stood when it
@@ -70,9 +76,10 @@ from pam_control.rows.plan_rows import (
     A_WEIGHTS,
     N_FUNCTIONS,
     N_SAMPLE,
+    Y_GRIP,
     Y_PLANNED_AT,
     Y_REFERENCE,
-    Y_STIFFNESS,
+    Y_ZERO,
 )
 from pam_model.plant.compiled import listed
 
@@ -86,30 +93,31 @@ VISCOUS: Final = 3  # index of the speed
 STILL: Final = 0.02  # rad/s
 DELAY_DEVIATION: Final = 0.01  # s
 ZERO_DEVIATION: Final = 0.05  # rad, of an encoder that was put on by eye
+GRIP_DEVIATION: Final = 0.05  # of the strengths of the muscles by the gains of their sensors
 LEAST_DELAY: Final = 2e-3  # s; smaller ones are not believed
 LONGEST_DELAY: Final = 0.04  # s
 DELAY_RATE: Final = 0.06  # s/s, at which the reference is moved to a delay that was found
-SMOOTH: Final = (0, 1, 2, 3, 4, 5 + len(SLIP_LENGTHS), 6 + len(SLIP_LENGTHS))
 SLIPS: Final = tuple(range(5, 5 + len(SLIP_LENGTHS)))
 DELAY: Final = 7 + len(SLIP_LENGTHS)
-STIFFNESS: Final = DELAY + 1
+ZERO: Final = DELAY + 1
+GRIP: Final = ZERO + 1
+SMOOTH: Final = (0, 1, 2, 3, 4, 5 + len(SLIP_LENGTHS), 6 + len(SLIP_LENGTHS))
+SENSORS: Final = (ZERO, GRIP)
 RIVALS: Final = (
-    Rival(SMOOTH, 0.0),
+    Rival((*SMOOTH, *SENSORS), 0.0),
     Rival((*SMOOTH, *SLIPS), 2.0, exact=False),
-    Rival((*SMOOTH, STIFFNESS), 0.0, better=4.0),
-    Rival((*SMOOTH, DELAY), 0.0, better=2.0, exact=False),
+    Rival((*SMOOTH, *SENSORS, DELAY), 0.0, better=2.0, exact=False),
     Rival((*SMOOTH, *SLIPS, DELAY), 0.0, better=4.0, exact=False),
 )
-"""By the numbers of the functions of `motion_functions`, after which come the delay and the
-stiffness. Dry friction is ordinary. A delay has to explain what nothing else does. So has the
-stiffness, which friction resembles where a joint sticks while it is taken over; and a delay beside
-friction even more. Slip elements only resemble friction, and a rate only a delay."""
+"""By the numbers of the functions of `motion_functions`, after which come the delay, the zero of
+the position and the grip. Dry friction is ordinary. A delay has to explain what nothing else does;
+a delay beside friction even more. Slip elements only resemble friction, and a rate only a delay."""
 DRY: Final = 0.02  # rad; longer slip elements are hysteresis, by which a joint does not stick
 
 
 def take_torque(
     row: Any, step: float, unexplained: float, rate: float, position: float, speed: float,
-    speed_filter: float, stiffness: float,
+    speed_filter: float, zero: float, grip: float,
 ) -> bool:  # fmt: skip
     """Take one control cycle of a joint; return whether the fit is due.
 
@@ -128,8 +136,8 @@ def take_torque(
         Measured [rad], [rad/s]; the speed has passed a filter.
     speed_filter : float
         Time constant of that filter [s].
-    stiffness : float
-        Of the muscles by their model [N m/rad].
+    zero, grip : float
+        What a false zero of the position acts with [N m/rad], and the grip [N m].
     """
     if step <= 0.0:
         return False
@@ -148,8 +156,10 @@ def take_torque(
             raw = element(row, A_MEASURED, place - 4)
         elif place == 4 + N_ELEMENTS:
             raw = rate
+        elif place == 5 + N_ELEMENTS:
+            raw = zero
         else:
-            raw = stiffness
+            raw = grip
         if first:
             row[A_RAW + place] = row[A_SMOOTH + place] = raw
             row[A_ONCE + place] = row[A_TWICE + place] = raw
@@ -173,15 +183,12 @@ def take_torque(
 
 
 def weighted(
-    row: Any, stiffness: float, position: float, velocity: float, acceleration: float, rests: bool
+    y: Any, row: Any, position: float, velocity: float, acceleration: float, rests: bool
 ) -> float:
-    """Torque [N m] by what was learnt, for a joint that moves as planned or begins at rest.
-
-    Its muscles have a stiffness [N m/rad] by their model.
-    """
+    """Torque [N m] by what was learnt, for a joint that moves as planned or begins at rest."""
     w = A_WEIGHTS
     found = row[w] + row[w + 1] * position + row[w + 2] * position**3
-    found += row[w + STIFFNESS] * stiffness
+    found += row[w + ZERO] * y[Y_ZERO] + row[w + GRIP] * y[Y_GRIP]
     found += row[w + 3] * velocity + row[w + 4] * acceleration
     if not rests:
         for number in range(N_ELEMENTS):
@@ -198,7 +205,7 @@ def move_reference(y: Any, row: Any, time: float, position: float) -> None:
 
 def learnt_torque(y: Any, row: Any, moment: Any, at: int, limit: float) -> float:
     """Torque [N m] to be added for the moment of the reference in a row, within a limit [N m]."""
-    found = weighted(row, y[Y_STIFFNESS], moment[at + 1], moment[at + 2], moment[at + 3], False)
+    found = weighted(y, row, moment[at + 1], moment[at + 2], moment[at + 3], False)
     return limited(found, -limit, limit)
 
 
@@ -226,7 +233,12 @@ class TorqueAdaptation:
         self._y, self._row = y, row
         self._inertia, self._damping, self._turn = inertia, damping, turn
         self._fit = AveragedFit(
-            [*(largest * each for each in DEVIATIONS), DELAY_DEVIATION, ZERO_DEVIATION],
+            [
+                *(largest * each for each in DEVIATIONS),
+                DELAY_DEVIATION,
+                ZERO_DEVIATION,
+                GRIP_DEVIATION,
+            ],
             RIVALS,
             NOISE * largest,
             ERRORS * largest,
@@ -268,7 +280,7 @@ class TorqueAdaptation:
 
     @property
     def weights(self) -> list[float]:
-        """Of the functions in the order of `motion_functions`, of the delay and the stiffness."""
+        """Of the functions in the order of `motion_functions`, then `DELAY`, `ZERO` and `GRIP`."""
         return self._fit.weights
 
     def _dry_friction(self) -> float:
@@ -323,6 +335,4 @@ class TorqueAdaptation:
 
     def at_rest(self, position: float, limit: float) -> float:
         """The learnt torque of a joint that begins at rest at a position [rad], limited [N m]."""
-        return limited(
-            weighted(self._row, self._y[Y_STIFFNESS], position, 0.0, 0.0, True), -limit, limit
-        )
+        return limited(weighted(self._y, self._row, position, 0.0, 0.0, True), -limit, limit)

@@ -76,6 +76,7 @@ from pam_control.rows.plan_rows import (
     X_ESTIMATE_DUE,
     X_FACTOR,
     X_FRESH,
+    X_GRIP,
     X_HANDED,
     X_INSIDE,
     X_INTEGRAL,
@@ -108,19 +109,23 @@ from pam_control.rows.plan_rows import (
     X_VELOCITY,
     X_WANTED,
     Y_ADAPTED,
+    Y_GRIP,
     Y_HANDED,
     Y_LAGGING,
     Y_LAGGING_SPEED,
     Y_SINCE_ESTIMATE,
     Y_STIFFNESS,
+    Y_ZERO,
 )
 from pam_model.joints.muscle_inverse import L_PRESSURE
 from pam_model.plant.compiled import entry_point
 from pam_model.plant.composition import dry_friction
 from pam_model.views.joint_rows import (
     gravity,
+    gravity_rate,
     motion_torque,
     moving_torque,
+    muscles_grip,
     muscles_torque,
     pressures_for,
     static_torque,
@@ -202,6 +207,7 @@ def observe(
     x[X_USUAL] = 0.0
     if s[S_ADAPTS] > 0.0:
         move_reference(y, a, time, position)
+        y[Y_ZERO] = y[Y_STIFFNESS] + gravity_rate(c, position)
         x[X_USUAL] = learnt_torque(y, a, then, W_ACTS, s[S_ADAPTATION_LIMIT])
     x[X_BASE], x[X_CORRECTION] = x[X_USUAL], 0.0
 
@@ -214,6 +220,7 @@ def measured_torques(c: Any, s: Any, w: Any, x: Any, table: Any) -> None:
         place = x[X_LAGGING_INSIDE]
         x[X_TORQUE_LAGGING] = muscles_torque(c, table, w, W_LINE, W_LAGGING, place)
         x[X_TORQUE_BEFORE] = muscles_torque(c, table, w, W_LINE, W_BEFORE, place)
+        x[X_GRIP] = muscles_grip(c, table, w, W_LINE, W_LAGGING, place)
 
 
 def ask_ahead(c: Any, w: Any, x: Any, y: Any) -> None:
@@ -262,7 +269,9 @@ def plan_now(
         x[X_UNEXPLAINED] = muscles + known - model
         is_due = take_torque(
             a, x[X_FRESH], x[X_UNEXPLAINED], (muscles - x[X_TORQUE_BEFORE]) / RATE_SPAN,
-            position, speed, s[S_SPEED_FILTER], planned_at(plans, ends, x[X_SEEN], P_STIFFNESS),
+            position, speed, s[S_SPEED_FILTER],
+            planned_at(plans, ends, x[X_SEEN], P_STIFFNESS) + gravity_rate(c, position),
+            x[X_GRIP],
         )  # fmt: skip
         x[X_BESIDE] = known - model + gravity(c, position)
         y[Y_SINCE_ESTIMATE] += max(x[X_FRESH], 0.0)
@@ -358,6 +367,8 @@ def plan_parts(
             ask_ahead(c[i], w[i], x[i], y[i])
             if closed:
                 reach(c[i], j[i], w[i], x[i], c)
+                place = inside(j[i], x[i][X_ASKED_POSITION])
+                y[i][Y_GRIP] = muscles_grip(c[i], c, w[i], W_LINE, W_REACHED, place)
         if first <= NOW <= last and ahead:
             plan_now(c[i], j[i], s[i], w[i], x[i], y[i], a[i], plans[i], plan_ends[i], step)
             is_due = is_due or x[i][X_IS_DUE] > 0.0 or x[i][X_ESTIMATE_DUE] > 0.0

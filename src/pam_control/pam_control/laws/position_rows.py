@@ -61,6 +61,7 @@ from pam_control.rows.plan_rows import (
     X_BESIDE,
     X_CORRECTION,
     X_ESTIMATE_DUE,
+    X_GRIP,
     X_INSIDE,
     X_IS_DUE,
     X_LAGGING_INSIDE,
@@ -77,6 +78,7 @@ from pam_control.rows.plan_rows import (
     X_TORQUE_SEEN,
     X_USUAL,
     Y_ADAPTED,
+    Y_GRIP,
     Y_HANDED,
     Y_LAGGING,
     Y_LAGGING_SPEED,
@@ -217,6 +219,10 @@ class PositionRows:
             for place in others:
                 if self.s[place][S_FEEDFORWARD] > 0.0:
                     self._reach(place)
+                    models, position = self._joints[place], float(self.x[place][X_ASKED_POSITION])
+                    self.y[place][Y_GRIP] = models.model.grip(
+                        self.column(place, W_REACHED), models.inside(position)
+                    )
             is_due = plan_parts(NOW, NOW, *rows)
         else:
             is_due = plan_parts(OBSERVE, NOW, *rows)
@@ -273,6 +279,7 @@ class PositionRows:
             x[X_TORQUE_LAGGING], x[X_TORQUE_BEFORE] = model.torques(
                 both, float(x[X_LAGGING_INSIDE])
             )
+            x[X_GRIP] = model.grip(both[0], float(x[X_LAGGING_INSIDE]))
 
     def _reach(self, place: int) -> None:
         w, x = self.w[place], self.x[place]

@@ -55,11 +55,14 @@ from pam_control.rows.plan_rows import (
     X_TRUE_STIFFNESS,
     X_WANTED,
     Y_ADAPTED,
+    Y_GRIP,
     Y_HANDED,
     Y_LOST,
     Y_STIFFNESS,
+    Y_ZERO,
 )
 from pam_control.settings import ControlSettings
+from pam_model.views.joint_rows import gravity_rate
 
 CORRECTED_EVERY: Final = 0.2  # s
 CORRECTED_SHARE: Final = 0.2  # of what lacks, each time
@@ -158,6 +161,9 @@ class PositionStiffness(Law[PositionStiffnessState]):
         if settings.feedforward:
             torque -= models.dynamics.gravity(position)
             if start.adapts:
+                slope = gravity_rate(state.rows.c[state.place], position)
+                state.y[Y_ZERO] = state.y[Y_STIFFNESS] + slope
+                state.y[Y_GRIP] = models.model.grip(start.pressures, position)
                 torque -= state.estimates.adaptation.at_rest(position, settings.adaptation_limit)
             if start.gains.observer > 0.0:
                 torque -= begin_observer(state.y, torque, settings.observer_limit)

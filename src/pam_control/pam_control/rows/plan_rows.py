@@ -45,24 +45,27 @@ X_SEEN, X_NOW = 8, 12
  X_BASE, X_CORRECTION, X_ASKED_TORQUE, X_ASKED_STIFFNESS, X_ASKED_POSITION, X_REACHED_TORQUE,
  X_REACHED_STIFFNESS, X_TORQUE_LIMITED, X_STIFFNESS_LIMITED, X_ADDED, X_LOST, X_BESIDE,
  X_PLANNED_TORQUE, X_PAST_STIFFNESS, X_IS_DUE, X_ESTIMATE_DUE, X_MISSED, X_NEW_INTEGRAL, X_TORQUE,
- X_STIFFNESS, X_TRUE_STIFFNESS, X_DISTURBANCE, X_OBSERVER, X_UNEXPLAINED, X_HANDED) = range(16, 48)
-N_CYCLE: Final = 48
+ X_STIFFNESS, X_TRUE_STIFFNESS, X_DISTURBANCE, X_OBSERVER, X_UNEXPLAINED, X_HANDED,
+ X_GRIP) = range(16, 49)
+N_CYCLE: Final = 49
 """`X_HANDED`: `Y_HANDED`, for the integral."""
 
 # state
 (Y_STIFFNESS, Y_ADAPTED, Y_LAGGING, Y_LAGGING_SPEED, Y_HISTORY_POSITION,
  Y_HISTORY_TIME, Y_SLIP, Y_GATHERED, Y_PLACE, Y_TARGET, Y_STUCK_INTEGRAL, Y_LOST, Y_SMOOTH_LOST,
  Y_MUSCLES, Y_MOTION, Y_SPEED, Y_OBSERVED, Y_PLANNED_AT, Y_REFERENCE, Y_SINCE_ESTIMATE,
- Y_HANDED) = range(21)
+ Y_HANDED, Y_ZERO, Y_GRIP) = range(23)
 # fmt: on
-N_PLAN: Final = 21
-"""`Y_HANDED`: what the feedforward takes off the integral, which goes on with it [N m]."""
+N_PLAN: Final = 23
+"""`Y_HANDED`: what the feedforward takes off the integral, which goes on with it [N m].
+`Y_ZERO` [N m/rad], `Y_GRIP` [N m]: what a false zero of the position and a false gain of a pressure
+act with by the plan (`torque_adaptation`)."""
 
 # state and filters of what is learnt of the torque
-N_SAMPLE: Final = 12
-"""Unexplained torque, 1, q, q^3, the elements of `motion_functions`, rate of the torque, and
-stiffness."""
-N_FUNCTIONS: Final = 13
+N_SAMPLE: Final = 13
+"""Unexplained torque, 1, q, q^3, the elements of `motion_functions`, rate of the torque, and what a
+zero of the position and a gain of a pressure act with (`torque_adaptation`)."""
+N_FUNCTIONS: Final = 14
 (A_BEGUN, A_SINCE, A_DELAY, A_WANTED_DELAY, A_KNOWS, A_FRICTION, A_SPEED_ONCE, A_SPEED_TWICE,
  A_SPEED_BEFORE) = range(9)  # fmt: skip
 A_WEIGHTS: Final = 9

@@ -247,6 +247,12 @@ class JointStatics:
             total += ratio * pull
         return self.radius * total
 
+    def grip(self, pressures: Sequence[float], position: float) -> float:
+        """Sum of the muscles' torques [N m] without their signs; arguments as of `tensions`."""
+        pulls = self.tensions(pressures, position)
+        ratios = zip(self.ratios, pulls, strict=True)
+        return self.radius * sum([abs(ratio) * pull for ratio, pull in ratios])
+
     def stiffness(self, pressures: Sequence[float], position: float) -> float:
         """Stiffness at constant pressures [N m/rad]; a slack muscle adds nothing."""
         return self._stiffness(

@@ -30,6 +30,11 @@ def gravity(c: Any, position: float) -> float:
     return float(c[C_GRAVITY] * math.sin(position - c[C_GRAVITY_ANGLE]))
 
 
+def gravity_rate(c: Any, position: float) -> float:
+    """Derivative of `gravity` with respect to the position [N m/rad]."""
+    return float(c[C_GRAVITY] * math.cos(position - c[C_GRAVITY_ANGLE]))
+
+
 def static_torque(c: Any, position: float, velocity: float) -> float:
     """Torque [N m] for a measured motion [rad], [rad/s]: no inertia, no friction."""
     return float(gravity(c, position) - joint_torque(c, position, velocity))
@@ -74,11 +79,30 @@ def muscles_torque(
     """
     total = 0.0
     for k in range(len(muscles)):
-        ratio, m = muscles[k][line + L_RATIO], constants_of(k)
-        length = length_of(m, ratio, c, position)
-        pull, _, _ = braid_force(m, c, table, muscles[k][pressure], length)
-        total += ratio * max(0.0, pull)
+        pull = _pull(c, table, muscles, k, line, pressure, position)
+        total += muscles[k][line + L_RATIO] * pull
     return torque_of(c, total)
+
+
+def muscles_grip(
+    c: Any, table: Any, muscles: Any, line: int, pressure: int, position: float
+) -> float:
+    """Sum of the muscles' torques [N m] without their signs; arguments as of `muscles_torque`."""
+    total = 0.0
+    for k in range(len(muscles)):
+        pull = _pull(c, table, muscles, k, line, pressure, position)
+        total += abs(muscles[k][line + L_RATIO]) * pull
+    return torque_of(c, total)
+
+
+def _pull(
+    c: Any, table: Any, muscles: Any, k: int, line: int, pressure: int, position: float
+) -> float:
+    """Pull of muscle `k` [N], never below 0."""
+    m = constants_of(k)
+    length = length_of(m, muscles[k][line + L_RATIO], c, position)
+    pull, _, _ = braid_force(m, c, table, muscles[k][pressure], length)
+    return max(0.0, float(pull))
 
 
 def _line(m: int, c: Any, table: Any, length: float, low: float, high: float) -> Line:
