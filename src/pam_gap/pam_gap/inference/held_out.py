@@ -165,7 +165,8 @@ def score_all(
 
     The amounts of an ordinary background are those of all data. They are not what is tested, and
     a drift that was fitted to one fold would be carried on into the other. An effect that only one
-    fold shows keeps about its size in the fit to the other one.
+    fold shows keeps about its size in the fit to the other one. At a length that is withheld,
+    whether the other lengths give its size is just what is asked.
     """
     is_fitted = [bool(h.result.values.size) for h in hypotheses]
     tasks = [
@@ -176,7 +177,7 @@ def score_all(
             cached=h.result.jacobian,
             amounts=h.result.amounts,
             is_bare=not h.result.amounts.size,
-            stays=True,
+            stays=folds.withheld != OTHER_LENGTHS,
         )
         for h, fitted in zip(hypotheses, is_fitted, strict=True)
         if fitted
