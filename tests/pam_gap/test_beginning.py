@@ -102,7 +102,7 @@ def test_a_none_that_is_more_probably_wrong_is_sought_again(
         engine.is_from_the_beginning = not in_all_data
 
     monkeypatch.setattr(engine, "search", search)
-    monkeypatch.setattr(engine, "_decided", lambda _: (None, verdict, None))
+    monkeypatch.setattr(engine, "decided", lambda _: (None, verdict, None))
     engine.searched()
     assert searches == [False, True][:times]
 

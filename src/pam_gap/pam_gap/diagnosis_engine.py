@@ -164,18 +164,17 @@ class JointDiagnosis:
         What the beginning does not show may be the cause. Before the answer is `unknown`, or a
         `none` that is more probably wrong than right, the effects are therefore sought in all data.
         """
-        found = self._decided(self.search())
+        found = self.decided(self.search())
         verdict, probabilities = found[1].verdict, found[1].probabilities
         is_open = verdict == UNKNOWN or (verdict == NONE and probabilities[NONE] < 0.5)
         if not is_open or not self.is_from_the_beginning:
             return found
         self.progress("seeking effects in all data", 0.0)
         self._begin()
-        return self._decided(self.search(in_all_data=True))
+        return self.decided(self.search(in_all_data=True))
 
-    def _decided(
-        self, result: SearchResult
-    ) -> tuple[Evidence[HeldOut], Verdict[HeldOut], Location]:
+    def decided(self, result: SearchResult) -> tuple[Evidence[HeldOut], Verdict[HeldOut], Location]:
+        """What a search has found, and the verdict."""
         evidence, location = self.evidence_of(result)
         return evidence, decide(evidence, self.rules), location
 
