@@ -51,7 +51,7 @@ class SearchRules:
         decides="Fewest rows of prediction errors of such a beginning.",
         trades="Larger: slow recordings are searched as a whole. Smaller: hypotheses that hardly "
                "differ change places, and probabilities with them.",
-        origin="With 600 rows in 24 s at 100 Hz, a search of 10 s changed a probability by 0.3.")
+        origin="With 600 rows of 40 ms in 24 s, a search of 10 s changed a probability by 0.3.")
     search_most: float = rule(0.7, unit="of the longest recording",
         decides="Length from which whole recordings are searched instead of their beginning.",
         trades="Larger: what leads is fitted again where little is saved.",
