@@ -33,7 +33,7 @@ from pam_gap.prediction.gap_figures import noise_level
 from pam_gap.prediction.problem import PredictionProblem
 from pam_gap.recordings.recording import Recording
 from pam_model.effects import EFFECTS
-from pam_model.identify.joint_regression import body_regression, valve_regression
+from pam_model.identify.joint_regression import body_regression, ridge, valve_regression
 from pam_model.plant.parameters import NAMES, bounds_of, neutral_values
 from pam_model.rig import Rig, load_rig, save_rig
 from pam_model.rig.partial import PartialRig, load_partial_rig
@@ -249,6 +249,16 @@ def test_the_conductance_begins_in_the_right_valley(rig: Rig, log: Recording) ->
     conductance = valve_regression(problem.rig, 0, 0, motion_records(problem))
     true = rig.muscles[0].valve.sonic_conductance
     assert conductance["valve.sonic_conductance"] == pytest.approx(true, rel=0.15)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_sum_without_weights_ties_nothing() -> None:
+    """Muscles whose torque does not depend on their lengths leave the tie empty."""
+    generator = np.random.default_rng(3)
+    columns = generator.standard_normal((200, 2))
+    target = columns @ [3e4, -2e4]
+    known, _ = ridge(columns, target, [np.inf, np.inf], np.zeros(2))
+    assert known == pytest.approx([3e4, -2e4])
 
 
 @pytest.mark.parametrize("turned", ["sign", "hoses", "valve"])

@@ -117,9 +117,11 @@ def decide[S: Score](evidence: Evidence[S], rules: Rules) -> Verdict[S]:
     found = posterior(evidence, rules)
     choice = _least_cost(found, nominal, judge)
     causes = _strongest_first(cause_probabilities(found, {*EFFECTS}), evidence.singles)
-    named = [[e for e in causes if e in one] for one in choice.sets]
+    # a cause may be more probable than the set in which it stands alone
+    sets = sorted(choice.sets, key=lambda one: -max(causes.get(effect, 0.0) for effect in one))
+    named = [[e for e in causes if e in one] for one in sets]
     effects = tuple(dict.fromkeys(e for one in named for e in one))
-    names = [" + ".join(sorted(one)) for one in choice.sets]
+    names = [" + ".join(sorted(one)) for one in sets]
     if choice.verdict == NONE:
         names = [NONE]
     fits = [_hypothesis(name, [nominal, *tried], judge) for name in names]

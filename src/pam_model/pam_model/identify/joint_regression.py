@@ -91,12 +91,8 @@ def ridge(
     sigma = 0.05 * float(np.std(target)) + 1e-300
     found = np.zeros(columns.shape[1])
     tied = np.zeros((0, size.size)) if zero is None else (zero / size)[None]
-    tied *= (
-        1e4
-        * float(np.std(target))
-        * np.sqrt(len(target))
-        / (np.abs(tied).max(initial=0.0) + 1e-300)
-    )
+    if (largest := np.abs(tied).max(initial=0.0)) > 0.0:
+        tied *= 1e4 * float(np.std(target)) * np.sqrt(len(target)) / largest
     # neighbouring rows are correlated by the filter: they count once per period of its corner
     share = min(1.0, CORNER / ROWS_PER_SECOND)
     for _ in range(ROUNDS):
