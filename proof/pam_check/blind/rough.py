@@ -62,6 +62,7 @@ class DrawnRoughRig:
     recording: TruthRecording
     check: TruthRecording
     without: TruthRecording  # the rig without its hidden effects, with the same commands
+    healthy: Draw  # joint and muscles of that rig, at the size of an elbow
     strength: float  # of the hidden effects, above the background; 0 without effects
     strengths: tuple[float, ...]  # of each hidden effect alone
 
@@ -257,8 +258,8 @@ def draw_rough_rig(
     check = bench.run(rig, motions[1])
     true = (kind.muscle(rig.muscles[0]), kind.muscle(rig.muscles[1]))
     return DrawnRoughRig(
-        kind.joint(rig.joint), true, bench.sensors, supply, recording, check, without, together,
-        tuple(strengths),
+        kind.joint(rig.joint), true, bench.sensors, supply, recording, check, without, plain,
+        together, tuple(strengths),
     )  # fmt: skip
 
 

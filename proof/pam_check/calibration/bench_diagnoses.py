@@ -1,8 +1,11 @@
-"""Diagnoses drawn single muscles on a bench, from an independent simulation of them.
+"""Calibrates and diagnoses drawn single muscles on a bench, from independent simulations of them.
 
-A muscle of a drawn joint with an ordinary background is put on a bench: it moves with the joint, or
-it is held at three lengths, one after another. Its pressure, length, force and commands are logged,
-and the rig file has `bench_muscles` and no joint. Every fourth muscle hides nothing.
+A muscle with an ordinary background is put on a bench in one of four ways: the opposing muscle of
+a joint moves it, it is held at three lengths, or it pulls against a weight or a spring. Its
+pressure, length, force and commands are logged. The rig file has `bench_muscles` and no joint, and
+its numbers are off by up to a third. It is calibrated while the muscle is healthy. Then the hidden
+effect appears, and another log is diagnosed with the calibrated rig file. Every fourth muscle hides
+nothing. All of it goes through files, as an owner would do it.
 """
 
 from __future__ import annotations
@@ -10,39 +13,47 @@ from __future__ import annotations
 import json
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 import pandas as pd
+import yaml
 
 from pam_check.blind.cases import written_rig
 from pam_check.blind.draw import believed_rig, draw_excitation
 from pam_check.blind.effect_cases import KNOWN
 from pam_check.blind.plants import FIRST, PLANTS
 from pam_check.blind.rough import TOLERANCES, BuriedError, DrawnRoughRig, draw_rough_rig
-from pam_check.blind.truth_plant import TruthMuscle, TruthRecording
+from pam_check.blind.truth_plant import PressureExcitation, TruthJoint, TruthMuscle, TruthRecording
 from pam_check.blind.variety import Variety
-from pam_check.calibration.campaign import as_recording
-from pam_gap.diagnose_recordings import diagnose
-from pam_gap.recordings.recording import Recording
+from pam_check.calibration.drawn_rig import LENGTHS, THIRD, written_numbers
+from pam_gap.calibration.calibrate_files import CALIBRATED_RIG, calibrate_files
+from pam_gap.calibration.free_numbers import Said
+from pam_gap.diagnosis_files import diagnose_files
 from pam_model.command_line import Arguments, Outcome
 from pam_model.effects import EFFECTS
-from pam_model.rig import Rig, save_rig
 
 TRIES: Final = 40
-HOW: Final = ("moving", "held")
+HOW: Final = ("moving", "held", "weight", "spring")
 HELD: Final = (0.99, 0.94, 0.89)
 """Lengths at which a muscle is held, over its rest length."""
 SECONDS: Final = 15.0
 """At each of them."""
+LOG_SECONDS: Final = 40.0
+"""Of a log with a muscle that moves, from which it is calibrated."""
 HEAVY: Final = 1e6
 """Inertia of a joint that does not move [kg m^2]."""
+LARGER: Final = 4.0
+"""Radius of the pulley of a load, over that of the joint."""
+LOADING: Final = 2e5
+"""Pressure at which the muscle at its longest would carry the largest load [Pa]."""
 NONE_EVERY: Final = 4
 ONLY_MOVING: Final = ("hysteresis", "creep")
 """Effects that a muscle of constant length does not show."""
+SIDES: Final = ("elbow_flexor", "elbow_extensor")
 
 
 def hidden_effects() -> tuple[str, ...]:
@@ -54,6 +65,12 @@ def hidden_effects() -> tuple[str, ...]:
     )
 
 
+def way_of(number: int, effect: str) -> str:
+    """How a muscle is put on the bench: each way with each kind of effect in turn."""
+    how = HOW[(number + number // len(HOW)) % len(HOW)]
+    return "moving" if how == "held" and effect in ONLY_MOVING else how
+
+
 @dataclass(frozen=True, slots=True)
 class DrawnBench:
     """A drawn muscle on a bench.
@@ -61,36 +78,41 @@ class DrawnBench:
     Attributes
     ----------
     effect, how : str
-        What is hidden, empty for nothing; and whether the muscle is moved or held.
-    rig : Rig
-        The rig file.
-    logs : tuple of ndarray tables
-        One table for each recording.
+        What is hidden, empty for nothing; and one of `HOW`.
+    muscle : str
+        Its name.
+    parameters : mapping
+        The content of `ros__parameters` of its rig file.
+    healthy, logs : tuple of pandas.DataFrame
+        Recordings of the muscle before and after the effect appeared.
     """
 
     effect: str
     how: str
-    rig: Rig
+    muscle: str
+    parameters: Mapping[str, object]
+    healthy: tuple[pd.DataFrame, ...]
     logs: tuple[pd.DataFrame, ...]
 
 
-def _side(effect: str, drawn: DrawnRoughRig, believed: Sequence[TruthMuscle]) -> int:
+def _side(effect: str, drawn: DrawnRoughRig) -> int:
     """The muscle that has most of the effect: some effects are drawn on one of both."""
     if not effect or not KNOWN[effect].magnitudes:
         return 0
 
     def size(side: int) -> float:
         pairs = [
-            (getattr(drawn.muscles[side], name), getattr(believed[side], name))
+            (getattr(drawn.muscles[side], name), getattr(drawn.healthy.muscles[side], name))
             for name in KNOWN[effect].magnitudes
-            if hasattr(believed[side], name)
+            if hasattr(drawn.muscles[side], name)
         ]
         return math.fsum(abs(true - usual) for true, usual in pairs)
 
     return int(size(1) > size(0))
 
 
-def _log(recording: TruthRecording, side: int, name: str, length: np.ndarray) -> pd.DataFrame:
+def _log(recording: TruthRecording, side: int, length: np.ndarray) -> pd.DataFrame:
+    name = SIDES[side]
     return pd.DataFrame(
         {
             "time": recording.time,
@@ -102,28 +124,91 @@ def _log(recording: TruthRecording, side: int, name: str, length: np.ndarray) ->
     )
 
 
-def _held(
-    drawn: DrawnRoughRig, side: int, name: str, random: np.random.Generator
-) -> tuple[pd.DataFrame, ...]:
-    """Logs of the muscle at each of the lengths, with the same supply and sensors."""
-    joint = drawn.joint._replace(
-        inertia=HEAVY, gravity_torque=0.0, coulomb_torque=0.0, static_torque=0.0
+def _loaded(how: str, joint: TruthJoint, muscle: TruthMuscle, side: int) -> TruthJoint:
+    """The load of one muscle: an arm on a large pulley, so that it turns little.
+
+    The torque of the arm is that of a weight where the arm is level, and that of a spring where it
+    hangs down.
+    """
+    sign = 1.0 - 2.0 * side  # of the rotation by which the muscle gets shorter
+    radius, reach = LARGER * joint.pulley_radius, joint.upper_limit / LARGER
+    longest = muscle.neutral_length + radius * reach
+    pull = LOADING * (3.0 * longest**2 - muscle.thread_length**2)
+    pull /= 4.0 * math.pi * muscle.turns**2
+    is_weight = how == "weight"
+    return joint._replace(
+        pulley_radius=radius,
+        lower_limit=-reach,
+        upper_limit=reach,
+        inertia=LARGER**2 * joint.inertia,
+        viscous_friction=LARGER**2 * joint.viscous_friction,
+        gravity_torque=radius * pull / (1.0 if is_weight else 2.0 * reach),
+        gravity_angle=-sign * (0.5 * math.pi if is_weight else reach),
     )
+
+
+def _one_muscle(motion: PressureExcitation, side: int) -> PressureExcitation:
+    """The motion of a pair as that of one muscle; the other one stays empty."""
+    wave = motion.difference / max(float(np.max(np.abs(motion.difference))), 1.0)
+    own = motion.level + 1.0e5 * wave
+    return replace(
+        motion, level=0.5 * own, difference=(0.5 - side) * own, position_gain=0.0
+    )  # fmt: skip
+
+
+def _record(
+    how: str,
+    joint: TruthJoint,
+    muscles: Sequence[TruthMuscle],
+    side: int,
+    drawn: DrawnRoughRig,
+    random: np.random.Generator,
+) -> tuple[pd.DataFrame, ...]:
+    """Logs of one muscle, put on the bench in this way, with the supply and sensors of the rig."""
     step = float(drawn.recording.time[1] - drawn.recording.time[0])
-    logs = []
-    for share in HELD:
-        muscles = [m._replace(neutral_length=share * m.rest_length) for m in drawn.muscles]
-        motion = replace(draw_excitation(random, joint, step, SECONDS), position_gain=0.0)
-        recording = PLANTS[FIRST](
-            joint, (muscles[0], muscles[1]), motion, drawn.sensors, random, supply=drawn.supply
+
+    def run(joint: TruthJoint, pair: Sequence[TruthMuscle], seconds: float) -> TruthRecording:
+        motion = draw_excitation(random, joint, step, seconds)
+        if how == "held":
+            motion = replace(motion, position_gain=0.0)
+        elif how != "moving":
+            motion = _one_muscle(motion, side)
+        return PLANTS[FIRST](
+            joint, (pair[0], pair[1]), motion, drawn.sensors, random, supply=drawn.supply
         )
-        length = np.full(recording.time.size, muscles[side].neutral_length)
-        logs.append(_log(recording, side, name, length))
-    return tuple(logs)
+
+    if how == "held":
+        stiff = joint._replace(
+            inertia=HEAVY, gravity_torque=0.0, coulomb_torque=0.0, static_torque=0.0
+        )
+        logs = []
+        for share in HELD:
+            pair = [m._replace(neutral_length=share * m.rest_length) for m in muscles]
+            recording = run(stiff, pair, SECONDS)
+            length = np.full(recording.time.size, pair[side].neutral_length)
+            logs.append(_log(recording, side, length))
+        return tuple(logs)
+    if how != "moving":
+        joint = _loaded(how, joint, muscles[side], side)
+    recording = run(joint, muscles, LOG_SECONDS)
+    turned = (1.0 - 2.0 * side) * joint.pulley_radius
+    length = muscles[side].neutral_length - turned * recording.position
+    return (_log(recording, side, length),)
+
+
+def _written(
+    random: np.random.Generator, joint: TruthJoint, muscles: Sequence[TruthMuscle], name: str
+) -> dict[str, object]:
+    """The rig file of one muscle, whose numbers are off by up to a third, lengths by 5 %."""
+    tree = written_numbers(random, joint, muscles[0], muscles[1])
+    for other in ("elbow", *SIDES):
+        if other != name:
+            tree.pop(other)
+    return tree | {"joints": [], "bench_muscles": [name]}
 
 
 def draw_bench(random: np.random.Generator, effect: str, how: str) -> DrawnBench:
-    """Draw a muscle with a background and record it on a bench.
+    """Draw a muscle with a background and record it on a bench, healthy and with an effect.
 
     Parameters
     ----------
@@ -143,66 +228,86 @@ def draw_bench(random: np.random.Generator, effect: str, how: str) -> DrawnBench
         joint, muscle = believed_rig(random)
         kind = Variety()
         believed = kind.believed(joint, muscle)
-        written = written_rig(kind, believed, float(random.choice(TOLERANCES)))
+        stated = written_rig(kind, believed, float(random.choice(TOLERANCES)))
         try:
-            drawn = draw_rough_rig(believed, written, [effect] if effect else [], random)
+            drawn = draw_rough_rig(believed, stated, [effect] if effect else [], random)
+            side = _side(effect, drawn)
+            before = drawn.healthy
+            healthy = _record(how, before.joint, before.muscles, side, drawn, random)
+            logs = _record(how, drawn.joint, drawn.muscles, side, drawn, random)
         except (FloatingPointError, BuriedError):
             continue
-        side = _side(effect, drawn, believed[1])
-        name = written.joints[0].muscles[side]
-        rig = replace(written, joints=(), muscles=(written.muscle(name),))
-        if how == "held":
-            return DrawnBench(effect, how, rig, _held(drawn, side, name, random))
-        turned = (1.0 - 2.0 * side) * drawn.joint.pulley_radius
-        length = drawn.muscles[side].neutral_length - turned * drawn.recording.position
-        return DrawnBench(effect, how, rig, (_log(drawn.recording, side, name, length),))
+        written = _written(random, before.joint, before.muscles, SIDES[side])
+        return DrawnBench(effect, how, SIDES[side], written, healthy, logs)
     raise RuntimeError(f"no muscle with {effect or 'nothing'} that can run in {TRIES} draws")
 
 
-def _diagnosed(bench: DrawnBench, number: int, folder: Path) -> dict[str, Any]:
-    """Diagnose one muscle: what was hidden, and what was found."""
-    recordings: list[Recording] = [
-        as_recording(log, f"{number:02d}_{place}") for place, log in enumerate(bench.logs)
-    ]
-    save_rig(bench.rig, folder / f"{number:02d}.yaml")
+def _saved(tables: Sequence[pd.DataFrame], folder: Path, name: str) -> list[str | Path]:
+    paths: list[str | Path] = []
+    for number, table in enumerate(tables):
+        paths.append(folder / f"{name}_{number}.csv")
+        table.to_csv(paths[-1], index=False)
+    return paths
+
+
+def _diagnosed(bench: DrawnBench, folder: Path) -> dict[str, Any]:
+    """Calibrate the healthy muscle and diagnose the other logs with its file: what was found."""
+    folder.mkdir(parents=True, exist_ok=True)
+    rig = folder / "rough.yaml"
+    rig.write_text(yaml.safe_dump({"/**": {"ros__parameters": dict(bench.parameters)}}))
+    found: dict[str, Any] = {"hidden": bench.effect or "none", "how": bench.how, "right": False}
     began = time.process_time()
-    (answer,) = diagnose(recordings, bench.rig, threads=1)
-    found = {*answer.effects, *(e for group in answer.indistinguishable for e in group)}
-    right = bench.effect in found if bench.effect else answer.verdict == "none"
-    return {
-        "hidden": bench.effect or "none",
-        "how": bench.how,
+    (calibrated,) = calibrate_files(
+        _saved(bench.healthy, folder, "healthy"), rig, folder / "calibration",
+        said=Said(THIRD, LENGTHS), threads=1, show_progress=False,
+    )  # fmt: skip
+    found["calibration_seconds"] = time.process_time() - began
+    if calibrated.refused:
+        return found | {"verdict": "refused", "effects": [], "sentence": calibrated.refused[0]}
+    began = time.process_time()
+    (answer,) = diagnose_files(
+        _saved(bench.logs, folder, "log"), folder / "calibration" / CALIBRATED_RIG,
+        folder / "diagnosis", threads=1, show_progress=False,
+    )  # fmt: skip
+    named = {*answer.effects, *(e for group in answer.indistinguishable for e in group)}
+    return found | {
         "verdict": answer.verdict,
         "effects": list(answer.effects),
-        "right": right,
+        "right": bench.effect in named if bench.effect else answer.verdict == "none",
         "closed": None if answer.closed is None else answer.closed.value,
         "sentence": answer.sentence,
         "seconds": time.process_time() - began,
     }
 
 
+def _of_folder(folder: Path, seed: int) -> list[dict[str, Any]]:
+    """What was found of all muscles of one seed whose results are in a folder."""
+    found = (json.loads(p.read_text("utf-8")) for p in sorted(folder.glob("*/result.json")))
+    return [one["muscle"] for one in found if one["seed"] == seed]
+
+
 def run(given: Arguments) -> Outcome:
-    """Draw, diagnose and count; the command of `pam_check.commands.blind`."""
-    random = np.random.default_rng(given.seed)
+    """Draw, calibrate, diagnose and count; the command of `pam_check.commands.blind`.
+
+    Each muscle has random draws of its own, so that several processes can share a campaign.
+    """
     folder = Path(given.out)
-    folder.mkdir(parents=True, exist_ok=True)
-    names = hidden_effects()
-    order = [str(name) for name in random.permutation(names)]
-    rows: list[dict[str, Any]] = []
-    for number in range(given.rigs):
+    order = [str(name) for name in np.random.default_rng(given.seed).permutation(hidden_effects())]
+    for number in range(given.first, given.first + given.rigs):
         effect = "" if number % NONE_EVERY == NONE_EVERY - 1 else order[number % len(order)]
-        how = HOW[number % 2 if effect else number // 4 % 2]
-        bench = draw_bench(random, effect, "moving" if effect in ONLY_MOVING else how)
-        row = _diagnosed(bench, number, folder)
-        rows.append(row)
+        random = np.random.default_rng([given.seed, number])
+        own = folder / f"{number:02d}"
+        row = _diagnosed(draw_bench(random, effect, way_of(number, effect)), own)
         print(
-            f"{number:2d} {row['hidden']:22s} {row['how']:7s} {row['seconds']:4.0f} s  "
+            f"{number:2d} {row['hidden']:22s} {row['how']:7s} "
+            f"{row['calibration_seconds']:4.0f} s + {row.get('seconds', 0.0):4.0f} s  "
             f"{'right' if row['right'] else 'WRONG'}  {row['verdict']} {', '.join(row['effects'])}",
             flush=True,
         )
-        (folder / "score.json").write_text(
-            json.dumps({"seed": given.seed, "muscles": rows}, indent=1), encoding="utf-8"
+        (own / "result.json").write_text(
+            json.dumps({"seed": given.seed, "muscle": row}, indent=1), encoding="utf-8"
         )
+    rows = _of_folder(folder, given.seed)
     hidden = [row for row in rows if row["hidden"] != "none"]
     clean = [row for row in rows if row["hidden"] == "none"]
     right, quiet = (sum(row["right"] for row in some) for some in (hidden, clean))

@@ -135,6 +135,14 @@ def _declare_bench(parser: Parser) -> None:
         metavar="N",
         help="number of muscles (default: %(default)s)",
     )
+    parser.add_argument(
+        "--first",
+        type=count(0),
+        default=0,
+        metavar="K",
+        help="number of the first one, to make a campaign in parts: the figures are of all muscles "
+        "of the seed whose results are in the folder (default: %(default)s)",
+    )
     add_seed(parser, 1)
     add_out(parser, "out/bench_diagnosis")
 
@@ -192,7 +200,7 @@ COMMANDS = (
     ),
     Command(
         "bench-diagnosis",
-        "diagnose drawn single muscles on a bench, held or moving",
+        "calibrate and diagnose drawn muscles on a bench: moved, held, with weight or spring",
         _declare_bench,
         _bench,
         examples=("pam check bench-diagnosis --rigs 8 --seed 1",),
