@@ -14,9 +14,9 @@ from pam_check.calibration.commission_campaign import (
     Result,
     _apart,
     _both_files,
-    _together,
     _use_of_limits,
     score,
+    together,
     true_rig_file,
 )
 from pam_check.calibration.drawn_rig import (
@@ -100,14 +100,14 @@ def test_both_files_are_tried_on_the_same_robot_at_the_same_moment(
     scale = scale_of(true, PERIOD)
     done = Commissioned(rig=true, points=reaches(scale.middle, scale.reach, 0.8))
     found, best = _both_files(port, done, true, "")
-    assert math.isfinite(_together(found))
-    assert _together(found) == _together(best)  # the same numbers, and also the same noise
+    assert math.isfinite(together(found))
+    assert together(found) == together(best)  # the same numbers, and also the same noise
     assert _apart(found, best) == 0.0
     assert port.seconds == 0.0
     done.rig = None
     ended, again = _both_files(port, done, true, "")
-    assert math.isinf(_together(ended))
-    assert _together(again) == _together(best)
+    assert math.isinf(together(ended))
+    assert together(again) == together(best)
 
 
 def test_what_does_not_track_has_to_say_why() -> None:

@@ -196,7 +196,9 @@ class Owner:
         return MENDS.get(self._exchanged) is mend
 
 
-def _drawn(rig: int, random: np.random.Generator, folder: Path) -> tuple[TrueRig, str, PartialRig]:
+def drawn_with_file(
+    rig: int, random: np.random.Generator, folder: Path
+) -> tuple[TrueRig, str, PartialRig]:
     """A drawn rig, what is exchanged on it, and its rig file, which is written."""
     kind = replace(draw_variety(random, regulators=True), slow=False, rows=1)
     drawn = draw_true_rig(random, kind)
@@ -223,7 +225,7 @@ def commission(
     exchanged : str, optional
         What is exchanged; drawn by default.
     """
-    drawn, what, partial = _drawn(rig, random, folder)
+    drawn, what, partial = drawn_with_file(rig, random, folder)
     what = what if exchanged is None else exchanged
     text = (folder / f"{rig:03d}.yaml").read_text(encoding="utf-8")
     port = TruthPort(drawn, what, PERIOD, MOST_SECONDS + SPARE, rig)
@@ -244,7 +246,7 @@ def commission(
             result.expected, result.known = done.expected.errors, done.expected.known
         result.before = done.before.rms if done.before else math.nan
         both = _both_files(port, done, true_rig_file(partial.rig, drawn), what)
-        result.after, result.true = map(_together, both)
+        result.after, result.true = map(together, both)
         found, true = (tuple(one.rms for one in tests) for tests in both)
         result.tests, result.apart = (found, true), _apart(*both)
     (folder / f"{rig:03d}" / "told.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
@@ -262,7 +264,7 @@ def _both_files(
     return found, _tests(port, true, done.points, mend)
 
 
-def _together(tests: Sequence[Tracked]) -> float:
+def together(tests: Sequence[Tracked]) -> float:
     """RMS error of several tests [rad]; infinite without any."""
     return math.sqrt(np.mean([one.rms**2 for one in tests])) if tests else math.inf
 
@@ -377,7 +379,7 @@ def run_wiring(given: Arguments) -> Outcome:
     bad = []
     for rig in range(given.rigs):
         random = np.random.default_rng([given.seed, rig])
-        drawn, _, partial = _drawn(rig, random, folder)
+        drawn, _, partial = drawn_with_file(rig, random, folder)
         is_flow = drawn.muscles[0].regulator == 0.0
         for what in ("", *EXCHANGES):
             if what in OF_FLOW_VALVES and not is_flow:

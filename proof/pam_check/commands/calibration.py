@@ -1,31 +1,35 @@
-"""The command that calibrates drawn rigs whose files are off by a third."""
+"""The commands that calibrate and commission drawn rigs whose files are off by a third."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 from pam_check.commands.common_arguments import add_seed
 from pam_model.argument_types import count
 from pam_model.command_line import Arguments, Command, Outcome, Parser
 from pam_model.common_options import add_out
 
+FIRST = "number of the first one, to make a campaign in parts"
+OF_THE_FOLDER = f"{FIRST}: the figures are of all rigs of the seed whose results are in the folder"
 
-def _declare(parser: Parser) -> None:
-    parser.add_argument(
-        "--rigs",
-        type=count(),
-        default=12,
-        metavar="N",
-        help="number of rigs (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--first",
-        type=count(0),
-        default=0,
-        metavar="K",
-        help="number of the first one, to make a campaign in parts: the figures are of all rigs of "
-        "the seed whose results are in the folder (default: %(default)s)",
-    )
-    add_seed(parser, 1)
-    add_out(parser, "out/calibration")
+
+def _declare(rigs: int, out: str, first: str = FIRST) -> Callable[[Parser], None]:
+    """Declare the options of a campaign; without the text about the first rig, it begins at 0."""
+
+    def declare(parser: Parser) -> None:
+        parser.add_argument(
+            "--rigs", type=count(), default=rigs, metavar="N",
+            help="number of rigs (default: %(default)s)",
+        )  # fmt: skip
+        if first:
+            parser.add_argument(
+                "--first", type=count(0), default=0, metavar="K",
+                help=f"{first} (default: %(default)s)",
+            )  # fmt: skip
+        add_seed(parser, 1)
+        add_out(parser, out)
+
+    return declare
 
 
 def _run(given: Arguments) -> Outcome:
@@ -34,41 +38,16 @@ def _run(given: Arguments) -> Outcome:
     return run(given)
 
 
-def _declare_commission(parser: Parser) -> None:
-    parser.add_argument(
-        "--rigs",
-        type=count(),
-        default=6,
-        metavar="N",
-        help="number of rigs (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--first",
-        type=count(0),
-        default=0,
-        metavar="K",
-        help="number of the first one, to share a campaign among processes (default: %(default)s)",
-    )
-    add_seed(parser, 1)
-    add_out(parser, "out/commission")
-
-
 def _run_commission(given: Arguments) -> Outcome:
     from pam_check.calibration.commission_campaign import run  # noqa: PLC0415  (scipy, numba)
 
     return run(given)
 
 
-def _declare_wiring(parser: Parser) -> None:
-    parser.add_argument(
-        "--rigs",
-        type=count(),
-        default=30,
-        metavar="N",
-        help="number of rigs (default: %(default)s)",
-    )
-    add_seed(parser, 1)
-    add_out(parser, "out/commission_wiring")
+def _run_over_ros(given: Arguments) -> Outcome:
+    from pam_check.calibration.commission_over_ros import run  # noqa: PLC0415  (rclpy)
+
+    return run(given)
 
 
 def _run_wiring(given: Arguments) -> Outcome:
@@ -81,7 +60,7 @@ COMMANDS = (
     Command(
         "calibrate",
         "calibrate drawn rigs whose files are off by a third, and compare with the truth",
-        _declare,
+        _declare(12, "out/calibration", OF_THE_FOLDER),
         _run,
         bad_news="if numbers are off, intervals do not hold, or an exchange is not told",
         examples=("pam check calibrate --rigs 12 --seed 7",),
@@ -89,15 +68,24 @@ COMMANDS = (
     Command(
         "commission",
         "commission drawn rigs whose files are off by a third, and compare with the true rig file",
-        _declare_commission,
+        _declare(6, "out/commission"),
         _run_commission,
         bad_news="if a robot leaves a limit, or does not track and nothing says why",
         examples=("pam check commission --rigs 6 --seed 7",),
     ),
     Command(
+        "commission-over-ros",
+        "commission drawn rigs over ROS topics, and compare with the true rig file",
+        _declare(3, "out/commission_over_ros"),
+        _run_over_ros,
+        bad_news="if a robot leaves a limit, takes ten minutes, or does not track and nothing says "
+        "why",
+        examples=("pam check commission-over-ros --rigs 3 --seed 7",),
+    ),
+    Command(
         "commission-wiring",
         "only the start-up check of a commissioning, on drawn rigs with each exchange",
-        _declare_wiring,
+        _declare(30, "out/commission_wiring", ""),
         _run_wiring,
         bad_news="if a rightly wired rig does not pass, or an exchange does",
         examples=("pam check commission-wiring --rigs 30 --seed 7",),

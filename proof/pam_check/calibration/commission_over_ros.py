@@ -1,0 +1,173 @@
+"""Commissions drawn rigs over ROS topics: simulated boards on a bus, the driver, and the command.
+
+The boards simulate a robot with the true numbers of a drawn rig; driver and commissioning have its
+rough rig file. The joint then follows the same test with the identified file and with the true one,
+over the same topics. What is compared is therefore what an owner would get, delays included.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from pam_check.calibration.campaign import TOLERANCES
+from pam_check.calibration.commission_campaign import (
+    RATIO,
+    TESTS,
+    drawn_with_file,
+    together,
+    true_rig_file,
+)
+from pam_demo.chain import Chain, multicast_bus, private_domain, set_environment
+from pam_demo.commission.commission import commission
+from pam_demo.commission.commissioned import Commissioned
+from pam_demo.commission.lower_priority import at_lower_priority
+from pam_demo.commission.robot_port import RobotPort
+from pam_demo.commission.ros_port_node import open_ros_port
+from pam_demo.commission.tracking import Tracked, controller_for, track
+from pam_demo.commission.watch import Limits
+from pam_demo.demo import COMPILE_TIMEOUT, SIMULATING, START_TIMEOUT, node_settings
+from pam_demo.robot import ACTIVE
+from pam_model.command_line import Arguments, Outcome
+from pam_model.rig import Rig, save_rig
+from pam_model.rig.partial import PartialRig
+
+RATE: Final = 250.0  # Hz, of the commands: the one that `pam demo commission` has by default
+MOST_SECONDS: Final = 600.0
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """One rig.
+
+    Attributes
+    ----------
+    rig : int
+        Number.
+    seconds : float
+        From the first step to the end of the commissioning, computing included [s].
+    most : (float, float, float)
+        Largest measured pressure, speed and distance from the middle, over the limits [-].
+    before, measured : float
+        RMS error that the commissioning measured with the rough and with the identified file [rad];
+        infinite where the test was not followed.
+    after, true : float
+        RMS error of `TESTS` tests with the identified and with the true file [rad].
+    said : str
+        Why it ended or what it doubts; empty for neither.
+    """
+
+    rig: int
+    seconds: float
+    most: tuple[float, float, float]
+    before: float = math.nan
+    measured: float = math.nan
+    after: float = math.nan
+    true: float = math.nan
+    said: str = ""
+
+    @property
+    def tracks(self) -> bool:
+        """Whether the joint tracks as asked."""
+        return bool(self.after <= RATIO * self.true)
+
+    def line(self) -> str:
+        """For a terminal."""
+        pressure, speed, place = self.most
+        return (
+            f"{self.rig:3d} {self.seconds:4.0f} s, {pressure:.0%} of the pressure, {speed:.0%} of "
+            f"the speed, {place:.0%} of the range; before {1e3 * self.before:.2f}, after "
+            f"{1e3 * self.after:.2f}, true file {1e3 * self.true:.2f} mrad: "
+            f"{self.after / self.true if self.true > 0.0 else math.nan:.2f}"
+            + (f"; {self.said[:90]}" if self.said else "")
+        )
+
+
+@contextmanager
+def simulated_robot(partial: PartialRig, true: Rig, folder: Path) -> Iterator[Chain]:
+    """Boards with the numbers of one rig file and a driver with those of another one, active."""
+    rough, exact = folder / "driver.yaml", folder / "true.yaml"
+    save_rig(partial.rig, rough)
+    save_rig(true, exact)
+    settings = node_settings(2.0 * RATE)
+    unchecked = {"plausibility": False, "start_up_check": False}
+    with Chain([rough], multicast_bus(), private_domain()) as chain:
+        boards = chain.start("rig", settings["rig"] | {"true_rig": str(exact)})
+        boards.wait_for_output(SIMULATING, COMPILE_TIMEOUT)
+        driver = chain.start("driver", settings["driver"] | unchecked)
+        driver.wait_for_output(ACTIVE, START_TIMEOUT)
+        yield chain
+    chain.write_logs(folder)
+
+
+def _tests(port: RobotPort, rig: Rig, done: Commissioned) -> list[Tracked]:
+    """The tracking test of a commissioning with one rig file, several times in a row."""
+    controller = controller_for(port, rig)
+    return [track(port, controller, done.points, Limits.of(rig)) for _ in range(TESTS)]
+
+
+def _largest(uses: Sequence[Sequence[float]]) -> tuple[float, float, float]:
+    pressure, speed, place = np.nanmax(np.array(uses), axis=0).tolist() if uses else [math.nan] * 3
+    return pressure, speed, place
+
+
+def commission_one(rig: int, seed: int, folder: Path) -> Result:
+    """Commission one drawn rig over ROS."""
+    random = np.random.default_rng([seed, rig])
+    own = folder / f"{rig:03d}"
+    own.mkdir(parents=True, exist_ok=True)
+    drawn, _, partial = drawn_with_file(rig, random, folder)
+    true = true_rig_file(partial.rig, drawn)
+    name = partial.rig.joints[0].name
+    with simulated_robot(partial, true, own) as chain, set_environment(chain.environment):
+        began = time.monotonic()
+        with open_ros_port(partial.rig, name, 1.0 / RATE) as port:
+            done = commission(
+                port, partial, name, f"{seed} {rig}", own, TOLERANCES, lambda _: True,
+                at_lower_priority,
+            )  # fmt: skip
+            seconds = time.monotonic() - began
+            uses = [step.most for step in done.steps]
+            if done.rig is None or done.before is None or done.after is None:
+                return Result(rig, seconds, _largest(uses), said=done.ended or done.doubt)
+            found, exact = (_tests(port, one, done) for one in (done.rig, true))
+    uses += [one.most for one in (done.before, done.after, *found)]
+    return Result(
+        rig, seconds, _largest(uses), done.before.rms, done.after.rms, together(found),
+        together(exact), done.ended or done.after.stopped or done.doubt,
+    )  # fmt: skip
+
+
+def run(given: Arguments) -> Outcome:
+    """Draw and commission; the command of `pam_check.commands.calibration`."""
+    folder = Path(given.out)
+    folder.mkdir(parents=True, exist_ok=True)
+    results: list[Result] = []
+    for rig in range(given.first, given.first + given.rigs):
+        results.append(commission_one(rig, given.seed, folder))
+        print(results[-1].line(), flush=True)
+        content = {"seed": given.seed, "rigs": [asdict(one) for one in results]}
+        (folder / "score.json").write_text(json.dumps(content, indent=1), encoding="utf-8")
+    bad = [f"rig {r.rig} does not track: {r.said or 'nothing was said'}" for r in results
+           if not r.tracks and not r.said]  # fmt: skip
+    bad += [f"rig {r.rig} left a limit" for r in results if max(r.most) > 1.0]
+    bad += [f"rig {r.rig} took {r.seconds:.0f} s" for r in results if r.seconds > MOST_SECONDS]
+    found: dict[str, Any] = {
+        "out": str(folder),
+        "rigs": len(results),
+        "track": sum(one.tracks for one in results),
+        "longest": max(one.seconds for one in results),
+    }
+    print(
+        f"{found['track']} of {found['rigs']} track with at most {RATIO:g} times the error with "
+        f"the true rig file; longest {found['longest']:.0f} s, computing included"
+    )
+    return Outcome(found, bad)
