@@ -12,7 +12,7 @@ import math
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -37,7 +37,7 @@ from pam_demo.commission.watch import Limits
 from pam_demo.demo import COMPILE_TIMEOUT, SIMULATING, START_TIMEOUT, node_settings
 from pam_demo.robot import ACTIVE
 from pam_model.command_line import Arguments, Outcome
-from pam_model.rig import Rig, save_rig
+from pam_model.rig import Encoder, Rig, save_rig
 from pam_model.rig.partial import PartialRig
 
 RATE: Final = 250.0  # Hz, of the commands: the one that `pam demo commission` has by default
@@ -91,6 +91,16 @@ class Result:
         )
 
 
+def on_a_board(partial: PartialRig) -> PartialRig:
+    """A rough rig whose valves, sensors and encoder are those of one valve board."""
+    rig = partial.rig
+    muscles = tuple(
+        replace(muscle, board=0, channel=channel) for channel, muscle in enumerate(rig.muscles)
+    )
+    joints = (replace(rig.joints[0], encoder=Encoder(board=0, channel=0)),)
+    return replace(partial, rig=replace(rig, muscles=muscles, joints=joints))
+
+
 @contextmanager
 def simulated_robot(partial: PartialRig, true: Rig, folder: Path) -> Iterator[Chain]:
     """Boards with the numbers of one rig file and a driver with those of another one, active."""
@@ -125,6 +135,7 @@ def commission_one(rig: int, seed: int, folder: Path) -> Result:
     own = folder / f"{rig:03d}"
     own.mkdir(parents=True, exist_ok=True)
     drawn, _, partial = drawn_with_file(rig, random, folder)
+    partial = on_a_board(partial)
     true = true_rig_file(partial.rig, drawn)
     name = partial.rig.joints[0].name
     with simulated_robot(partial, true, own) as chain, set_environment(chain.environment):
