@@ -125,8 +125,7 @@ from pam_model.views.joint_rows import (
     gravity_rate,
     motion_torque,
     moving_torque,
-    muscles_grip,
-    muscles_torque,
+    muscles_torques,
     pressures_for,
     static_torque,
 )
@@ -215,12 +214,11 @@ def observe(
 def measured_torques(c: Any, s: Any, w: Any, x: Any, table: Any) -> None:
     """The torques of muscles in closed form at the measured pressures."""
     if x[X_OBSERVER] > 0.0:
-        x[X_TORQUE_SEEN] = muscles_torque(c, table, w, W_LINE, W_AT_SEEN, x[X_INSIDE])
+        x[X_TORQUE_SEEN], _ = muscles_torques(c, table, w, W_LINE, W_AT_SEEN, x[X_INSIDE])
     if s[S_ADAPTS] > 0.0:
         place = x[X_LAGGING_INSIDE]
-        x[X_TORQUE_LAGGING] = muscles_torque(c, table, w, W_LINE, W_LAGGING, place)
-        x[X_TORQUE_BEFORE] = muscles_torque(c, table, w, W_LINE, W_BEFORE, place)
-        x[X_GRIP] = muscles_grip(c, table, w, W_LINE, W_LAGGING, place)
+        x[X_TORQUE_LAGGING], x[X_GRIP] = muscles_torques(c, table, w, W_LINE, W_LAGGING, place)
+        x[X_TORQUE_BEFORE], _ = muscles_torques(c, table, w, W_LINE, W_BEFORE, place)
 
 
 def ask_ahead(c: Any, w: Any, x: Any, y: Any) -> None:
@@ -368,7 +366,7 @@ def plan_parts(
             if closed:
                 reach(c[i], j[i], w[i], x[i], c)
                 place = inside(j[i], x[i][X_ASKED_POSITION])
-                y[i][Y_GRIP] = muscles_grip(c[i], c, w[i], W_LINE, W_REACHED, place)
+                _, y[i][Y_GRIP] = muscles_torques(c[i], c, w[i], W_LINE, W_REACHED, place)
         if first <= NOW <= last and ahead:
             plan_now(c[i], j[i], s[i], w[i], x[i], y[i], a[i], plans[i], plan_ends[i], step)
             is_due = is_due or x[i][X_IS_DUE] > 0.0 or x[i][X_ESTIMATE_DUE] > 0.0

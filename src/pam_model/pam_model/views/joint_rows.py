@@ -69,30 +69,20 @@ def torque_of(c: Any, pull: float) -> float:
     return float(c[C_RADIUS] * pull)
 
 
-def muscles_torque(
+def muscles_torques(
     c: Any, table: Any, muscles: Any, line: int, pressure: int, position: float
-) -> float:
-    """Torque of the muscles [N m] at a position [rad].
+) -> tuple[float, float]:
+    """Torque of the muscles at a position [rad], and the sum of their torques without signs [N m].
 
     `muscles` are rows, one for each muscle, with its pressure [Pa gauge] in the column `pressure`
     and its arm in those of its line, which begin at `line` (`muscle_inverse`).
     """
-    total = 0.0
+    signed, grip = 0.0, 0.0
     for k in range(len(muscles)):
-        pull = _pull(c, table, muscles, k, line, pressure, position)
-        total += muscles[k][line + L_RATIO] * pull
-    return torque_of(c, total)
-
-
-def muscles_grip(
-    c: Any, table: Any, muscles: Any, line: int, pressure: int, position: float
-) -> float:
-    """Sum of the muscles' torques [N m] without their signs; arguments as of `muscles_torque`."""
-    total = 0.0
-    for k in range(len(muscles)):
-        pull = _pull(c, table, muscles, k, line, pressure, position)
-        total += abs(muscles[k][line + L_RATIO]) * pull
-    return torque_of(c, total)
+        share = muscles[k][line + L_RATIO] * _pull(c, table, muscles, k, line, pressure, position)
+        signed += share
+        grip += abs(share)
+    return torque_of(c, signed), torque_of(c, grip)
 
 
 def _pull(
