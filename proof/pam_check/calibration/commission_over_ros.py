@@ -37,6 +37,7 @@ from pam_demo.commission.watch import Limits
 from pam_demo.demo import COMPILE_TIMEOUT, SIMULATING, START_TIMEOUT, node_settings
 from pam_demo.robot import ACTIVE
 from pam_model.command_line import Arguments, Outcome
+from pam_model.errors import PamError
 from pam_model.rig import Encoder, Rig, save_rig
 from pam_model.rig.partial import PartialRig
 
@@ -137,23 +138,30 @@ def commission_one(rig: int, seed: int, folder: Path) -> Result:
     drawn, _, partial = drawn_with_file(rig, random, folder)
     partial = on_a_board(partial)
     true = true_rig_file(partial.rig, drawn)
+    try:
+        return _commissioned(rig, f"{seed} {rig}", partial, true, own)
+    except PamError as error:  # such as a rough file with which no driver starts
+        return Result(rig, 0.0, _largest([]), said=str(error))
+
+
+def _commissioned(rig: int, task: str, partial: PartialRig, true: Rig, folder: Path) -> Result:
     name = partial.rig.joints[0].name
-    with simulated_robot(partial, true, own) as chain, set_environment(chain.environment):
+    with simulated_robot(partial, true, folder) as chain, set_environment(chain.environment):
         began = time.monotonic()
         with open_ros_port(partial.rig, name, 1.0 / RATE) as port:
             done = commission(
-                port, partial, name, f"{seed} {rig}", own, TOLERANCES, lambda _: True,
-                at_lower_priority,
-            )  # fmt: skip
+                port, partial, name, task, folder, TOLERANCES, lambda _: True, at_lower_priority
+            )
             seconds = time.monotonic() - began
             uses = [step.most for step in done.steps]
             if done.rig is None or done.before is None or done.after is None:
                 return Result(rig, seconds, _largest(uses), said=done.ended or done.doubt)
             found, exact = (_tests(port, one, done) for one in (done.rig, true))
     uses += [one.most for one in (done.before, done.after, *found)]
+    stopped = [one.stopped for one in (done.after, *found, *exact) if one.stopped]
     return Result(
         rig, seconds, _largest(uses), done.before.rms, done.after.rms, together(found),
-        together(exact), done.ended or done.after.stopped or done.doubt,
+        together(exact), "; ".join(dict.fromkeys([done.ended or done.doubt, *stopped])),
     )  # fmt: skip
 
 
