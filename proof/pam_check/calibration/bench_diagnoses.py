@@ -26,8 +26,20 @@ from pam_check.blind.cases import written_rig
 from pam_check.blind.draw import believed_rig, draw_excitation
 from pam_check.blind.effect_cases import KNOWN
 from pam_check.blind.plants import FIRST, PLANTS
-from pam_check.blind.rough import TOLERANCES, BuriedError, DrawnRoughRig, draw_rough_rig
-from pam_check.blind.truth_plant import PressureExcitation, TruthJoint, TruthMuscle, TruthRecording
+from pam_check.blind.rough import (
+    TOLERANCES,
+    WEAKEST,
+    BuriedError,
+    DrawnRoughRig,
+    draw_rough_rig,
+)
+from pam_check.blind.truth_plant import (
+    Array,
+    PressureExcitation,
+    TruthJoint,
+    TruthMuscle,
+    TruthRecording,
+)
 from pam_check.blind.variety import Variety
 from pam_check.calibration.drawn_rig import LENGTHS, THIRD, written_numbers
 from pam_gap.calibration.calibrate_files import CALIBRATED_RIG, calibrate_files
@@ -54,6 +66,7 @@ NONE_EVERY: Final = 4
 ONLY_MOVING: Final = ("hysteresis", "creep")
 """Effects that a muscle of constant length does not show."""
 SIDES: Final = ("elbow_flexor", "elbow_extensor")
+_NO_BACKGROUND: Final = dict(TruthMuscle._field_defaults)
 
 
 def hidden_effects() -> tuple[str, ...]:
@@ -83,6 +96,8 @@ class DrawnBench:
         Its name.
     parameters : mapping
         The content of `ros__parameters` of its rig file.
+    strength : float
+        Of the effect in these logs, over the background; 0 for nothing.
     healthy, logs : tuple of pandas.DataFrame
         Recordings of the muscle before and after the effect appeared.
     """
@@ -91,6 +106,7 @@ class DrawnBench:
     how: str
     muscle: str
     parameters: Mapping[str, object]
+    strength: float
     healthy: tuple[pd.DataFrame, ...]
     logs: tuple[pd.DataFrame, ...]
 
@@ -111,7 +127,7 @@ def _side(effect: str, drawn: DrawnRoughRig) -> int:
     return int(size(1) > size(0))
 
 
-def _log(recording: TruthRecording, side: int, length: np.ndarray) -> pd.DataFrame:
+def _log(recording: TruthRecording, length: np.ndarray, side: int) -> pd.DataFrame:
     name = SIDES[side]
     return pd.DataFrame(
         {
@@ -156,44 +172,71 @@ def _one_muscle(motion: PressureExcitation, side: int) -> PressureExcitation:
     )  # fmt: skip
 
 
-def _record(
-    how: str,
-    joint: TruthJoint,
-    muscles: Sequence[TruthMuscle],
-    side: int,
-    drawn: DrawnRoughRig,
-    random: np.random.Generator,
-) -> tuple[pd.DataFrame, ...]:
-    """Logs of one muscle, put on the bench in this way, with the supply and sensors of the rig."""
+@dataclass(frozen=True, slots=True)
+class _Motion:
+    """One motion of a bench, which can be played again on another muscle."""
+
+    how: str
+    side: int
+    drawn: DrawnRoughRig
+    excitation: PressureExcitation
+    seed: int
+    share: float = 0.0  # length at which the muscle is held, over its rest length
+
+    def play(
+        self, joint: TruthJoint, muscles: Sequence[TruthMuscle], commands: Array | None = None
+    ) -> tuple[TruthRecording, np.ndarray]:
+        """A recording and the length of the muscle in it, with given commands or its own."""
+        pair, side = tuple(muscles), self.side
+        if self.how == "held":
+            pair = tuple(m._replace(neutral_length=self.share * m.rest_length) for m in muscles)
+            joint = joint._replace(
+                inertia=HEAVY, gravity_torque=0.0, coulomb_torque=0.0, static_torque=0.0
+            )
+        elif self.how != "moving":
+            joint = _loaded(self.how, joint, self.drawn.healthy.muscles[side], side)
+        recording = PLANTS[FIRST](
+            joint, (pair[0], pair[1]), self.excitation, self.drawn.sensors,
+            np.random.default_rng(self.seed), supply=self.drawn.supply, fixed_commands=commands,
+        )  # fmt: skip
+        if self.how == "held":
+            return recording, np.full(recording.time.size, pair[side].neutral_length)
+        turned = (1.0 - 2.0 * side) * joint.pulley_radius
+        return recording, pair[side].neutral_length - turned * recording.position
+
+    def strength(self, recording: TruthRecording) -> float:
+        """How much the effects change the muscle's signals, over what its background changes.
+
+        The same commands are given to the rig without its effects, and to one without background.
+        """
+        healthy = self.drawn.healthy
+        plain = [muscle._replace(**_NO_BACKGROUND) for muscle in healthy.muscles]
+        usual, _ = self.play(healthy.joint, healthy.muscles, recording.commands)
+        ideal, _ = self.play(healthy.joint, plain, recording.commands)
+
+        def apart(one: TruthRecording, other: TruthRecording, name: str) -> float:
+            change = getattr(one, name)[:, self.side] - getattr(other, name)[:, self.side]
+            return float(np.sqrt(np.mean(np.square(change))))
+
+        signals = ("pressures", "forces")
+        return max(apart(recording, usual, n) / apart(usual, ideal, n) for n in signals)
+
+
+def _motions(
+    how: str, side: int, drawn: DrawnRoughRig, random: np.random.Generator
+) -> tuple[_Motion, ...]:
+    """Motions for one log of each kind that this way needs."""
     step = float(drawn.recording.time[1] - drawn.recording.time[0])
-
-    def run(joint: TruthJoint, pair: Sequence[TruthMuscle], seconds: float) -> TruthRecording:
-        motion = draw_excitation(random, joint, step, seconds)
+    found = []
+    for share in HELD if how == "held" else (0.0,):
+        seconds = SECONDS if how == "held" else LOG_SECONDS
+        excitation = draw_excitation(random, drawn.joint, step, seconds)
         if how == "held":
-            motion = replace(motion, position_gain=0.0)
+            excitation = replace(excitation, position_gain=0.0)
         elif how != "moving":
-            motion = _one_muscle(motion, side)
-        return PLANTS[FIRST](
-            joint, (pair[0], pair[1]), motion, drawn.sensors, random, supply=drawn.supply
-        )
-
-    if how == "held":
-        stiff = joint._replace(
-            inertia=HEAVY, gravity_torque=0.0, coulomb_torque=0.0, static_torque=0.0
-        )
-        logs = []
-        for share in HELD:
-            pair = [m._replace(neutral_length=share * m.rest_length) for m in muscles]
-            recording = run(stiff, pair, SECONDS)
-            length = np.full(recording.time.size, pair[side].neutral_length)
-            logs.append(_log(recording, side, length))
-        return tuple(logs)
-    if how != "moving":
-        joint = _loaded(how, joint, muscles[side], side)
-    recording = run(joint, muscles, LOG_SECONDS)
-    turned = (1.0 - 2.0 * side) * joint.pulley_radius
-    length = muscles[side].neutral_length - turned * recording.position
-    return (_log(recording, side, length),)
+            excitation = _one_muscle(excitation, side)
+        found.append(_Motion(how, side, drawn, excitation, int(random.integers(2**32)), share))
+    return tuple(found)
 
 
 def _written(
@@ -231,14 +274,21 @@ def draw_bench(random: np.random.Generator, effect: str, how: str) -> DrawnBench
         stated = written_rig(kind, believed, float(random.choice(TOLERANCES)))
         try:
             drawn = draw_rough_rig(believed, stated, [effect] if effect else [], random)
-            side = _side(effect, drawn)
-            before = drawn.healthy
-            healthy = _record(how, before.joint, before.muscles, side, drawn, random)
-            logs = _record(how, drawn.joint, drawn.muscles, side, drawn, random)
+            side, before = _side(effect, drawn), drawn.healthy
+            motions = _motions(how, side, drawn, random)
+            healthy = [one.play(before.joint, before.muscles) for one in motions]
+            motions = _motions(how, side, drawn, random)
+            made = [one.play(drawn.joint, drawn.muscles) for one in motions]
+            shown = max(one.strength(log) for one, (log, _) in zip(motions, made, strict=True))
         except (FloatingPointError, BuriedError):
             continue
+        if effect and shown < WEAKEST:
+            continue
         written = _written(random, before.joint, before.muscles, SIDES[side])
-        return DrawnBench(effect, how, SIDES[side], written, healthy, logs)
+        return DrawnBench(
+            effect, how, SIDES[side], written, shown if effect else 0.0,
+            tuple(_log(*one, side) for one in healthy), tuple(_log(*one, side) for one in made),
+        )  # fmt: skip
     raise RuntimeError(f"no muscle with {effect or 'nothing'} that can run in {TRIES} draws")
 
 
@@ -255,7 +305,12 @@ def _diagnosed(bench: DrawnBench, folder: Path) -> dict[str, Any]:
     folder.mkdir(parents=True, exist_ok=True)
     rig = folder / "rough.yaml"
     rig.write_text(yaml.safe_dump({"/**": {"ros__parameters": dict(bench.parameters)}}))
-    found: dict[str, Any] = {"hidden": bench.effect or "none", "how": bench.how, "right": False}
+    found: dict[str, Any] = {
+        "hidden": bench.effect or "none",
+        "how": bench.how,
+        "strength": bench.strength,
+        "right": False,
+    }
     began = time.process_time()
     (calibrated,) = calibrate_files(
         _saved(bench.healthy, folder, "healthy"), rig, folder / "calibration",
@@ -299,7 +354,7 @@ def run(given: Arguments) -> Outcome:
         own = folder / f"{number:02d}"
         row = _diagnosed(draw_bench(random, effect, way_of(number, effect)), own)
         print(
-            f"{number:2d} {row['hidden']:22s} {row['how']:7s} "
+            f"{number:2d} {row['hidden']:22s} {row['strength']:4.1f} {row['how']:7s} "
             f"{row['calibration_seconds']:4.0f} s + {row.get('seconds', 0.0):4.0f} s  "
             f"{'right' if row['right'] else 'WRONG'}  {row['verdict']} {', '.join(row['effects'])}",
             flush=True,
