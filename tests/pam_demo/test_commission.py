@@ -7,9 +7,11 @@ import json
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 import pytest
 import yaml
@@ -22,7 +24,7 @@ from pam_demo.commission.kept import Kept
 from pam_demo.commission.lower_priority import NICENESS, at_lower_priority
 from pam_demo.commission.page import render
 from pam_demo.commission.sequence import Commissioning, EndedError
-from pam_demo.commission.tracking import reaches
+from pam_demo.commission.tracking import Tracked, reaches
 from pam_gap.calibration.calibration import Calibration
 from pam_gap.calibration.free_numbers import Said
 from pam_model.errors import PamError
@@ -106,7 +108,7 @@ def test_after_an_interruption_it_goes_on_behind_the_last_recording(
     elbow: Rig, begin: Callable[..., Any], rough: Path
 ) -> None:
     first, said = begin(WiredPort(elbow), refused="small steps of the angle")
-    assert "not allowed" in first.ended
+    assert "not agreed to" in first.ended
     assert [step.motion for step in first.steps] == ["filling"]
     port = WiredPort(elbow)
     second, said = begin(port, refused="small steps of the angle")
@@ -189,8 +191,11 @@ def test_the_tracking_motion_begins_and_ends_at_rest_within_its_reach() -> None:
 
 def test_an_ended_commissioning_is_a_page_and_no_rig_file(rough: Path, tmp_path: Path) -> None:
     done = Commissioned(ended="the sign of <b>it</b> is reversed")
-    write_results(load_partial_rig(rough), "elbow", done, tmp_path / "out")
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "commissioned.yaml").write_text("# of an earlier commissioning")
+    write_results(load_partial_rig(rough), "elbow", done, tmp_path / "out", SAID)
     assert not (tmp_path / "out" / "commissioned.yaml").exists()
+    assert "earlier" in (tmp_path / "out" / "commissioned_earlier.yaml").read_text()
     assert json.loads((tmp_path / "out" / "commission.json").read_text()) == to_document(
         "elbow", done
     )
@@ -214,6 +219,30 @@ def test_a_joint_that_the_rig_does_not_have_is_refused(
     assert "wrist" in capsys.readouterr().err
 
 
+def test_a_simulated_robot_may_have_its_hoses_crossed(
+    rough: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """So that its owner can try what the command says of it."""
+    given = ["commission", "--rig", str(rough), "--out", str(tmp_path / "out"), "--yes"]
+    assert main([*given, "--crossed-hoses"]) == 2
+    assert "expected --simulate" in capsys.readouterr().err
+    assert main([*given, "--simulate", str(ELBOW), "--crossed-hoses", "--check"]) == 1
+    answer = json.loads((tmp_path / "out" / "commission.json").read_text())
+    assert answer["ended"].startswith("Start-up check: ")
+    assert not answer["steps"]
+
+
+def test_the_page_says_that_a_slower_reference_is_another_one(elbow: Rig) -> None:
+    def tracked(speed: float) -> Tracked:
+        time = np.arange(0.0, 1.0, 0.01)
+        table = pd.DataFrame({"time": time, "reference": speed * time, "position": speed * time})
+        return Tracked(1e-3, 2e-3, "", table)
+
+    done = Commissioned(rig=elbow, before=tracked(0.5), after=tracked(1.0))
+    assert "up to 0.49 rad apart" in render("elbow", done)
+    assert "apart" not in render("elbow", replace(done, before=tracked(1.0)))
+
+
 @pytest.mark.long("the campaign of pam_check and the steps above stand for the whole sequence")
 def test_a_rough_elbow_tracks_in_the_end(rough: Path, tmp_path: Path, elbow: Rig) -> None:
     out = tmp_path / "out"
@@ -226,6 +255,8 @@ def test_a_rough_elbow_tracks_in_the_end(rough: Path, tmp_path: Path, elbow: Rig
     ratio = found.joints[0].inertia / elbow.joints[0].inertia
     assert ratio == pytest.approx(1.0, rel=0.1)
     assert answer["gains"]
+    assert 0.0 < answer["steps"][-1]["most"]["speed"] < 1.0
+    assert found.parameter_tolerance > load_rig(ELBOW).parameter_tolerance
     assert "Commissioned" in (out / "commission.html").read_text()
 
 
@@ -247,7 +278,7 @@ def test_recordings_of_one_robot_do_not_pass_for_those_of_another(
 
     given = argparse.Namespace(
         rig=rough, out=out, joint="", namespace="", rate=250.0, tolerance=0.3,
-        length_tolerance=0.05, simulate=ELBOW, yes=True,
+        length_tolerance=0.05, simulate=ELBOW, yes=True, crossed_hoses=False,
     )  # fmt: skip
     for number, simulate in enumerate((ELBOW, ELBOW, None)):
         given.simulate = simulate
@@ -301,7 +332,7 @@ def test_a_motion_in_which_the_computer_stood_still_is_played_again(
     done, said = begin(PausingPort(elbow, (FILLING,)), refused="small steps of the angle")
     assert "the computer stood still for 0.30 s: the air was let out slowly" in "\n".join(said)
     assert [step.motion for step in done.steps] == ["filling"]
-    assert "not allowed" in done.ended
+    assert "not agreed to" in done.ended
 
 
 @pytest.mark.usefixtures("quick_limits")

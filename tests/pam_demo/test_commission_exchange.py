@@ -79,7 +79,7 @@ def test_what_a_person_confirms_is_mended_and_the_first_motion_is_played(
 ) -> None:
     port = WiredPort(elbow, exchanged)
     done = begin(port, OF_A_PERSON[exchanged])
-    assert done.ended.startswith(f"not allowed: {FIRST}")
+    assert done.ended.startswith(f"not agreed to: {FIRST}")
     assert [step.motion for step in done.steps] == ["filling"]
     pulses = sum("test pulse" in what for what in asked)  # all were right, changed over
     assert pulses == (2 if OF_A_PERSON[exchanged] is Mend.AT_ROBOT else 1)
@@ -210,7 +210,7 @@ def test_the_new_rig_file_has_the_wires_as_they_are(elbow: Rig, tmp_path: Path) 
     partial = PartialRig(elbow)
     rig = rewired(partial, Mend.HOSES).rig
     done = Commissioned(rig=rig, calibration=Calibration("elbow"), exchanged="<b>Crossed.</b>")
-    write_results(partial, "elbow", done, tmp_path)
+    write_results(partial, "elbow", done, tmp_path, Said(0.3, 0.05))
     written = load_rig(tmp_path / "commissioned.yaml")
     assert [m.channel for m in written.muscles] == [m.channel for m in reversed(elbow.muscles)]
     assert "&lt;b&gt;Crossed." in (tmp_path / "commission.html").read_text()

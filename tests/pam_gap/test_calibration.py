@@ -16,13 +16,23 @@ from pam_gap.__main__ import main
 from pam_gap.calibration.calibration import (
     DETERMINED,
     KEPT,
+    NARROWED,
+    CalibratedNumber,
     Calibration,
     calibrate_joint,
     one_valve_reversed,
 )
 from pam_gap.calibration.calibration_rules import DEFAULT
-from pam_gap.calibration.free_numbers import Said, free_numbers, ordinary_numbers
+from pam_gap.calibration.free_numbers import (
+    BODY,
+    GAS,
+    STATICS,
+    Said,
+    free_numbers,
+    ordinary_numbers,
+)
 from pam_gap.calibration.intervals import Knowledge
+from pam_gap.calibration.known_rig import as_known
 from pam_gap.calibration.last_steps import FittedPoint, last_steps
 from pam_gap.calibration.staged_fit import motion_records, without_false_stops
 from pam_gap.inference.hypothesis import HypothesisFitter
@@ -249,6 +259,24 @@ def test_the_conductance_begins_in_the_right_valley(rig: Rig, log: Recording) ->
     conductance = valve_regression(problem.rig, 0, 0, motion_records(problem))
     true = rig.muscles[0].valve.sonic_conductance
     assert conductance["valve.sonic_conductance"] == pytest.approx(true, rel=0.15)
+
+
+def test_a_calibrated_rig_file_says_how_well_its_numbers_are_known(rig: Rig) -> None:
+    """Also if the tolerance in the rough file, 2 % by default, is less than what was said."""
+
+    def number(key: str, stage: str, reach: float, status: str = NARROWED) -> CalibratedNumber:
+        return CalibratedNumber(key, "-", stage, 1.0, 2.0, 2.0 - reach, 2.0 + reach, status)
+
+    numbers = [
+        number("elbow.inertia", BODY, 0.2),
+        number("a.valve.critical_ratio", GAS, 0.9, KEPT),
+        number("a.turns", STATICS, 0.02),
+    ]
+    found = as_known(replace(rig, parameter_tolerance=0.02), numbers, Said(0.3, 0.05))
+    assert found.parameter_tolerance == pytest.approx(0.1)
+    assert found.length_tolerance == pytest.approx(0.01)
+    wide = as_known(rig, [number("elbow.inertia", BODY, 1.9)], Said(0.3, 0.05))
+    assert wide.parameter_tolerance == pytest.approx(0.3)
 
 
 @pytest.mark.filterwarnings("error")

@@ -138,6 +138,9 @@ def _declare_commission(parser: Parser) -> None:
         metavar="FILE",
         help="commission a simulated robot, which has the numbers of this rig file",
     )
+    parser.add_argument(
+        "--crossed-hoses", action="store_true", help="the simulated robot has two hoses crossed"
+    )
     parser.add_argument("--yes", action="store_true", help="do not ask before every step")
 
 

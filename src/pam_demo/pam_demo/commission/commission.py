@@ -15,8 +15,8 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, Final
 
-from pam_demo.commission.commissioned import Commissioned
-from pam_demo.commission.exchange import Confirm, Mend, nobody
+from pam_demo.commission.commissioned import Commissioned, SequenceStep
+from pam_demo.commission.exchange import Confirm, CrossedPort, Mend, nobody
 from pam_demo.commission.kept import Kept
 from pam_demo.commission.lower_priority import Compute, at_lower_priority, at_same_priority
 from pam_demo.commission.page import write_page
@@ -26,6 +26,7 @@ from pam_demo.commission.simulated_port import SimulatedPort
 from pam_demo.commission.tracking import Tracked
 from pam_gap.calibration.answer import comments, to_json
 from pam_gap.calibration.free_numbers import Said
+from pam_gap.calibration.known_rig import as_known
 from pam_model.command_line import Arguments, Outcome
 from pam_model.errors import PamError
 from pam_model.rig import Rig, load_rig, save_rig
@@ -34,7 +35,11 @@ from pam_ros.program_name import PROGRAM
 
 OpenPort = Callable[[Rig, str, float, str], AbstractContextManager[RobotPort]]
 RIG, ANSWER, PAGE = "commissioned.yaml", "commission.json", "commission.html"
+EARLIER: Final = "commissioned_earlier.yaml"
+"""What `RIG` is called after a later commissioning in the same folder has given no rig file."""
 YES: Final = ("y", "yes")
+USES: Final = ("pressure", "speed", "distance_from_middle")
+"""Limits, shares of which a step has used."""
 
 
 def one_joint(partial: PartialRig, name: str) -> PartialRig:
@@ -82,6 +87,14 @@ def _tracked(one: Tracked | None) -> dict[str, Any] | None:
     }
 
 
+def _step(step: SequenceStep) -> dict[str, Any]:
+    """A step; uses of the limits by their names."""
+    uses = {
+        name: dict(zip(USES, getattr(step, name), strict=True)) for name in ("foreseen", "most")
+    }
+    return asdict(step) | uses
+
+
 def _finite(values: Sequence[float]) -> list[float | None]:
     return [value if math.isfinite(value) else None for value in values]
 
@@ -93,7 +106,7 @@ def to_document(joint: str, done: Commissioned) -> dict[str, Any]:
         "ended": done.ended,
         "exchanged": done.exchanged,
         "seconds": done.seconds,
-        "steps": [asdict(step) for step in done.steps],
+        "steps": [_step(step) for step in done.steps],
         "gains": done.gains,
         "tracking": {"before": _tracked(done.before), "after": _tracked(done.after)},
         "expected": None
@@ -108,7 +121,9 @@ def to_document(joint: str, done: Commissioned) -> dict[str, Any]:
     }
 
 
-def write_results(partial: PartialRig, name: str, done: Commissioned, out: Path) -> None:
+def write_results(
+    partial: PartialRig, name: str, done: Commissioned, out: Path, said: Said
+) -> None:
     """Write the rig file, the answer and the page.
 
     Parameters
@@ -120,15 +135,19 @@ def write_results(partial: PartialRig, name: str, done: Commissioned, out: Path)
     done : Commissioned
         What was found.
     out : Path
-        Folder.
+        Folder. A rig file of an earlier commissioning in it gets the name `EARLIER`.
+    said : Said
+        How far plain numbers of the rig file could be off.
     """
     out.mkdir(parents=True, exist_ok=True)
+    if (out / RIG).exists():
+        (out / RIG).replace(out / EARLIER)
     if done.rig is not None and done.calibration is not None:
         rig = replace(partial.rig, supply_pressure=done.rig.supply_pressure)
         for muscle in done.rig.muscles:
             rig = rig.with_muscle(muscle)
         made = f"Made by {PROGRAM} demo commission. A comment says what is known of a number."
-        rig = rig.with_joint(done.rig.joint(name))
+        rig = as_known(rig.with_joint(done.rig.joint(name)), done.calibration.numbers, said)
         save_rig(rig, out / RIG, (made,), comments(done.calibration))
     text = json.dumps(to_document(name, done), indent=1)
     (out / ANSWER).write_text(text + "\n", encoding="utf-8")
@@ -174,7 +193,7 @@ def commission(
     kept = Kept(out, task)
     alone = one_joint(partial, name)
     done = Commissioning(port, alone, said, kept, tell, ask, compute, confirm).run()
-    compute(lambda: write_results(partial, name, done, out))
+    compute(lambda: write_results(partial, name, done, out, said))
     return done
 
 
@@ -204,6 +223,8 @@ def run(
     partial = load_partial_rig(path)
     name = one_joint(partial, given.joint).rig.joints[0].name
     said = Said(given.tolerance, given.length_tolerance)
+    if given.crossed_hoses and given.simulate is None:
+        raise PamError("--crossed-hoses is for a simulated robot; expected --simulate FILE with it")
     if not given.yes and not sys.stdin.isatty():
         raise PamError("commission asks before every step: start it on a terminal, or give --yes")
     asked: Ask = (lambda _: True) if given.yes else ask
@@ -211,21 +232,21 @@ def run(
     period = 1.0 / given.rate
     robot = f"robot {given.namespace}"
     if given.simulate is not None:
-        robot = f"simulated {given.simulate.read_text(encoding='utf-8')}"
+        robot = f"simulated {given.simulate.read_text(encoding='utf-8')} {given.crossed_hoses}"
     task = "\n".join([name, repr(said), repr(period), robot, path.read_text(encoding="utf-8")])
     if given.simulate is not None:
         true = one_joint(PartialRig(load_rig(given.simulate)), name).rig
-        done = commission(
-            SimulatedPort(true, period), partial, name, task, given.out, said, asked,
-            confirm=person,
-        )  # fmt: skip
+        robot_port: RobotPort = SimulatedPort(true, period)
+        if given.crossed_hoses:
+            robot_port = CrossedPort.of(robot_port)
+        done = commission(robot_port, partial, name, task, given.out, said, asked, confirm=person)
     else:
         with open_port(partial.rig, name, period, given.namespace) as port:
             done = commission(
                 port, partial, name, task, given.out, said, asked, at_lower_priority, person
             )
-    print(f"written: {given.out}")
-    if done.doubt:
-        print(done.doubt)
+    print(f"written: {given.out / PAGE}")
+    if not done.ended:
+        print(f"next: start all nodes with {given.out / RIG}")
     bad = [done.ended] if done.ended else []
     return Outcome({"out": given.out, **to_document(name, done)}, bad)

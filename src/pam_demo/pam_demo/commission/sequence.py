@@ -86,8 +86,8 @@ PARTS: Final[Sequence[tuple[Sequence[str], CalibrationRules]]] = (
 )
 """Motions, and how the numbers are identified after them."""
 FORESEEN_SPEED: Final = 1.5
-"""A joint that is faster than foreseen for the least favourable robot, by this factor, does not
-fit."""
+"""The limit of the speed in a motion, over the speed of the least favourable robot. The motion ends
+at the same share of it as of any limit, which is 1.2 times that speed."""
 LEAST_SHARE: Final = 0.1
 WAY_TIME: Final = (0.6, 0.8, 1.1, 1.5, 2.0, 3.0)
 """Durations of a way as long as the reach that the tracking test tries, the fastest first [s]."""
@@ -139,7 +139,7 @@ class Commissioning:
 
     def _allowed(self, what: str) -> None:
         if not self.ask(what):
-            raise EndedError(f"not allowed: {what}")
+            raise EndedError(f"not agreed to: {what}. Start the same command again to go on.")
 
     def _uninterrupted[T: (Played, Tracked)](self, what: str, once: Callable[[], T]) -> T:
         """What was played, if allowed; once more where the computer stood still meanwhile."""
@@ -242,6 +242,7 @@ class Commissioning:
                 if robots is None:
                     judged = self._made(names[-1] if name == FILLING else name, scale)
                     search = partial(least_favourable, rig, known, judged, scale, limits)
+                    self.tell("computing how large the next motion may be")
                     robots = self.compute(search)
                 allowed = self.compute(partial(permitted, rig, robots, motion, scale, limits))
                 table = self._play(motion, allowed, rig, scale, limits)
@@ -279,7 +280,11 @@ class Commissioning:
         )
         if played.stopped:
             self.kept.failed(motion.name, played.table)
-            raise EndedError(f"{motion.name}: {played.stopped}; the air was let out slowly.")
+            raise EndedError(
+                f"{motion.name}: {played.stopped}; the air was let out slowly. With what is known "
+                f"of its numbers, no robot exceeds {worst.speed * limits.speed:.2g} rad/s here: if "
+                "the joint was faster, a number is further off than was stated (--tolerance)."
+            )
         self.kept.add(motion.name, played.table)
         self.tell(f"{motion.name}: {most[1]:.0%} of the permitted speed, {most[0]:.0%} of the "
                   "permitted pressure")  # fmt: skip
@@ -290,6 +295,7 @@ class Commissioning:
         read = {name: as_recording(table, name, step) for name, table in seen.items()}
         withheld = [read.pop(WITHHELD)] if WITHHELD in read else []
         fitted = list(read.values())
+        self.tell(f"identifying numbers from {', '.join(seen)}")
         found = self.compute(
             lambda: calibrate_joint(self.partial, 0, fitted, withheld, said=self.said, rules=rules)
         )
@@ -325,11 +331,16 @@ class Commissioning:
             partial(track, port, controller, points, limits),
         )
         self.kept.track("after", result.after.table)
-        self.tell(f"tracking error: {1e3 * result.after.rms:.2f} mrad RMS")
         result.before = self._before(points, limits)
         self.kept.track("before", result.before.table)
         if result.after.stopped:
             raise EndedError(f"tracking test: {result.after.stopped}")
+        before = result.before.stopped or f"{1e3 * result.before.rms:.2f} mrad RMS"
+        self.tell(
+            f"tracking error with the identified rig file: {1e3 * result.after.rms:.2f} mrad RMS; "
+            f"with the rig file as it was: {before}"
+        )
+        self.tell("simulating how well a robot with these numbers should track")
         self._judge(lambda simulated: track(simulated, controller, points, limits))
 
     def _judge(self, test: Callable[[NoisyPort], Tracked]) -> None:

@@ -84,7 +84,8 @@ def watched(
     if pressure > PRESSURE_SHARE:
         return now, f"a muscle has {max(reading.pressures):.0f} Pa, {pressure:.0%} of its limit"
     if pace > SPEED_SHARE:
-        return now, f"the joint moves with {speed:+.1f} rad/s, {pace:.0%} of its limit"
+        most = SPEED_SHARE * limits.speed
+        return now, f"the joint moves with {speed:+.1f} rad/s, and {most:.2g} end this motion"
     middle = 0.5 * (limits.lower + limits.upper)
     if place > END_SHARE and (reading.position - middle) * speed > 0.0 and abs(speed) > OUTWARD:
         return now, f"the joint is at {reading.position:+.2f} rad, near the end of its range"

@@ -7,7 +7,7 @@ there is no calibrated rig file: such a robot must be put right first.
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,8 @@ from pam_gap.calibration.answer import comments, sentence, table_lines, to_json
 from pam_gap.calibration.bench import calibrate_bench_muscle
 from pam_gap.calibration.calibration import KEPT, Calibration, calibrate_joint
 from pam_gap.calibration.calibration_rules import DEFAULT
-from pam_gap.calibration.free_numbers import BODY, GAS, STATICS, Said
+from pam_gap.calibration.free_numbers import Said
+from pam_gap.calibration.known_rig import as_known
 from pam_gap.calibration.page import write_page
 from pam_gap.diagnose_recordings import joints_to_diagnose
 from pam_gap.diagnosis_files import import_as_mounted, joint_progress
@@ -135,8 +136,9 @@ def calibrate_files(
         found.append(one)
     if notes and not any(one.refused for one in found):
         made = f"Calibrated by {PROGRAM} gap calibrate. A comment says what is known of a number."
+        numbers = [number for one in found for number in one.numbers]
         save_rig(
-            _as_known(rig, found), Path(out) / CALIBRATED_RIG, (made,), notes,
+            as_known(rig, numbers, said), Path(out) / CALIBRATED_RIG, (made,), notes,
             left_open(partial, found),
         )  # fmt: skip
     return found
@@ -163,30 +165,6 @@ def _merged(rig: Rig, calibrated: Rig, name: str) -> Rig:
     for muscle in joint.muscles:
         rig = rig.with_muscle(calibrated.muscle(muscle))
     return rig.with_joint(joint)
-
-
-def _as_known(rig: Rig, found: Sequence[Calibration]) -> Rig:
-    """The rig with tolerances that say how well its numbers are known now."""
-    numbers = [one for calibration in found for one in calibration.numbers]
-
-    def widest(stages: Collection[str], usual: float) -> float:
-        known = [
-            0.5 * (high - low) / abs(one.value)
-            for one in numbers
-            for low, high in (one.relative or (one.low, one.high),)
-            if one.stage in stages and one.status != KEPT and one.unit != "rad" and one.value
-        ]
-        return round(min(max(known, default=usual), usual), 3)
-
-    usual = rig.parameter_tolerance
-    lengths = usual if rig.length_tolerance is None else rig.length_tolerance
-    if not numbers:
-        return rig
-    return replace(
-        rig,
-        parameter_tolerance=widest((GAS, BODY), usual),
-        length_tolerance=widest((STATICS,), lengths),
-    )
 
 
 def run(given: Arguments) -> Outcome:
