@@ -118,6 +118,21 @@ def test_a_reversed_force_is_named(bench: Rig, log: Recording) -> None:
     assert "the force" in answer.wiring[0] and MUSCLE in answer.wiring[0]
 
 
+def test_a_muscle_that_a_machine_stretches_is_wired_rightly(bench: Rig, log: Recording) -> None:
+    """Its force rises with the length while the pressure of the shut muscle falls."""
+    random, length = np.random.default_rng(4), f"muscle_states.{MUSCLE}.position"
+    stretch = log.values[length] - log.values[length].mean()
+    noise = random.standard_normal((2, stretch.size))
+    values = {
+        **log.values,
+        f"pressure_states.{MUSCLE}": 3e5 - 4e6 * stretch + 100.0 * noise[0],
+        f"muscle_states.{MUSCLE}.effort": 150.0 + 8e3 * stretch + noise[1],
+    }
+    driven = replace(log, values=values, valid={n: log.valid[n] for n in log.valid if n in values})
+    partial = PartialRig(rough(bench))
+    assert calibrate_bench_muscle(partial, MUSCLE, [driven], said=SAID).wiring == ()
+
+
 def test_a_length_in_millimetres_is_refused(bench: Rig, log: Recording) -> None:
     length = f"muscle_states.{MUSCLE}.position"
     values = {**log.values, length: 1e3 * log.values[length]}

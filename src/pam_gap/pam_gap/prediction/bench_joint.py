@@ -14,7 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pam_gap.prediction.channel_order import AGONIST_FORCE, AGONIST_PRESSURE
+from pam_gap.prediction.channel_order import AGONIST_FORCE, AGONIST_PRESSURE, POSITION
 from pam_gap.prediction.directions import Direction, cross_phase, valve_phase
 from pam_gap.prediction.fit import Array
 from pam_gap.prediction.problem import PredictionProblem, PredictionSettings
@@ -163,6 +163,9 @@ def bench_problem(
 def wrong_bench_wiring(problem: PredictionProblem, highest: float | None = None) -> tuple[str, ...]:
     """Whether the pressure follows the command, and the force the pressure, by their phases.
 
+    What the force and the pressure owe to the length does not count: where a machine stretches the
+    muscle, its force rises while its pressure falls.
+
     Parameters
     ----------
     problem : PredictionProblem
@@ -180,6 +183,7 @@ def wrong_bench_wiring(problem: PredictionProblem, highest: float | None = None)
         ],
         highest,
         problem.rules.recording,
+        [d.measured[:, POSITION] for d in problem.data],
     )
     drive = valve_phase(problem, 0, highest)
     return tuple(

@@ -13,8 +13,10 @@ removes a trend as well, but its import takes a second.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
+from itertools import zip_longest
 
 import numpy as np
 
@@ -79,7 +81,10 @@ def without_trend(signal: Array) -> Array:
 
 
 def cross_phase(
-    pairs: list[tuple[Array, Array, float]], highest: float, rules: RecordingRules
+    pairs: list[tuple[Array, Array, float]],
+    highest: float,
+    rules: RecordingRules,
+    causes: Sequence[Array] = (),
 ) -> CrossPhase:
     """Phase and coherence of pairs of signals below a frequency.
 
@@ -91,10 +96,13 @@ def cross_phase(
         Upper end of the band [Hz].
     rules : RecordingRules
         The least coherence, and the phases that decide.
+    causes : sequence of ndarray of shape (N,), optional
+        A third signal of each recording. What both signals owe to it, with any lag, does not count
+        (partial cross spectrum; Bendat and Piersol, chapter 7).
     """
     cross, first, second = 0.0 + 0.0j, 0.0, 0.0
     lowest, bins = math.inf, 0
-    for x, y, step in pairs:
+    for (x, y, step), cause in zip_longest(pairs, causes):
         if x.size < 16 or not (np.ptp(x) > 0.0 and np.ptp(y) > 0.0):
             continue
         window = np.hanning(x.size)
@@ -103,10 +111,15 @@ def cross_phase(
         band = (frequency > 1.5 * frequency[1]) & (frequency <= highest)
         if not band.any():
             continue
+        a, b = a[band], b[band]
+        if cause is not None and np.ptp(cause) > 0.0:
+            third = np.fft.rfft(window * without_trend(cause))[band]
+            power = np.vdot(third, third)
+            a, b = (z - np.vdot(third, z) / power * third for z in (a, b))
         scale = float(step)  # so that recordings of other sample times count by their energy
-        cross += scale * complex(np.vdot(a[band], b[band]))
-        first += scale * float(np.vdot(a[band], a[band]).real)
-        second += scale * float(np.vdot(b[band], b[band]).real)
+        cross += scale * complex(np.vdot(a, b))
+        first += scale * float(np.vdot(a, a).real)
+        second += scale * float(np.vdot(b, b).real)
         lowest, bins = min(lowest, float(frequency[band][0])), bins + int(band.sum())
     if bins < rules.direction_lines or not (first > 0.0 and second > 0.0):
         return CrossPhase()

@@ -175,7 +175,7 @@ def wrong_wiring(problem: PredictionProblem) -> tuple[str, ...]:
     for one in _possible(problem):
         if one.fits(found):
             gained = levels(one.undone) - written
-            over = one.changed(present) if is_turned else present
+            over = one.changed(present) & (gained != 0.0) if is_turned else present
             tried.append((float(np.exp(0.5 * gained[over].mean())) if over.any() else 1.0, one))
     left, best = min(tried, key=lambda pair: pair[0], default=(1.0, None))  # of the RMS error
     if best is None or 1.0 - left < (rules.direction_gain if is_turned else rules.wrong_wiring):
