@@ -27,11 +27,10 @@ from pam_check.calibration.commission_campaign import (
     true_rig_file,
 )
 from pam_demo.chain import Chain, multicast_bus, private_domain, set_environment
-from pam_demo.commission.commission import commission
+from pam_demo.commission.commission import OpenPort, commission
 from pam_demo.commission.commissioned import Commissioned
 from pam_demo.commission.lower_priority import at_lower_priority
 from pam_demo.commission.robot_port import RobotPort
-from pam_demo.commission.ros_port_node import open_ros_port
 from pam_demo.commission.tracking import Tracked, controller_for, track
 from pam_demo.commission.watch import Limits
 from pam_demo.demo import COMPILE_TIMEOUT, SIMULATING, START_TIMEOUT, node_settings
@@ -130,7 +129,7 @@ def _largest(uses: Sequence[Sequence[float]]) -> tuple[float, float, float]:
     return pressure, speed, place
 
 
-def commission_one(rig: int, seed: int, folder: Path) -> Result:
+def commission_one(rig: int, seed: int, folder: Path, open_port: OpenPort) -> Result:
     """Commission one drawn rig over ROS."""
     random = np.random.default_rng([seed, rig])
     own = folder / f"{rig:03d}"
@@ -139,16 +138,18 @@ def commission_one(rig: int, seed: int, folder: Path) -> Result:
     partial = on_a_board(partial)
     true = true_rig_file(partial.rig, drawn)
     try:
-        return _commissioned(rig, f"{seed} {rig}", partial, true, own)
+        return _commissioned(rig, f"{seed} {rig}", partial, true, own, open_port)
     except PamError as error:  # such as a rough file with which no driver starts
         return Result(rig, 0.0, _largest([]), said=str(error))
 
 
-def _commissioned(rig: int, task: str, partial: PartialRig, true: Rig, folder: Path) -> Result:
+def _commissioned(
+    rig: int, task: str, partial: PartialRig, true: Rig, folder: Path, open_port: OpenPort
+) -> Result:
     name = partial.rig.joints[0].name
     with simulated_robot(partial, true, folder) as chain, set_environment(chain.environment):
         began = time.monotonic()
-        with open_ros_port(partial.rig, name, 1.0 / RATE) as port:
+        with open_port(partial.rig, name, 1.0 / RATE, "") as port:
             done = commission(
                 port, partial, name, task, folder, TOLERANCES, lambda _: True, at_lower_priority
             )
@@ -165,13 +166,21 @@ def _commissioned(rig: int, task: str, partial: PartialRig, true: Rig, folder: P
     )  # fmt: skip
 
 
-def run(given: Arguments) -> Outcome:
-    """Draw and commission; the command of `pam_check.commands.calibration`."""
+def run(given: Arguments, open_port: OpenPort) -> Outcome:
+    """Draw and commission; the command of `pam_check.commands.calibration`.
+
+    Parameters
+    ----------
+    given : Arguments
+        Of the command line.
+    open_port : callable
+        Opens the port to a robot on ROS topics.
+    """
     folder = Path(given.out)
     folder.mkdir(parents=True, exist_ok=True)
     results: list[Result] = []
     for rig in range(given.first, given.first + given.rigs):
-        results.append(commission_one(rig, given.seed, folder))
+        results.append(commission_one(rig, given.seed, folder, open_port))
         print(results[-1].line(), flush=True)
         content = {"seed": given.seed, "rigs": [asdict(one) for one in results]}
         (folder / "score.json").write_text(json.dumps(content, indent=1), encoding="utf-8")

@@ -45,9 +45,10 @@ def _run_commission(given: Arguments) -> Outcome:
 
 
 def _run_over_ros(given: Arguments) -> Outcome:
-    from pam_check.calibration.commission_over_ros import run  # noqa: PLC0415  (rclpy)
+    from pam_check.calibration.commission_over_ros import run  # noqa: PLC0415  (scipy, numba)
+    from pam_demo.commission.ros_port_node import open_ros_port  # noqa: PLC0415  (rclpy)
 
-    return run(given)
+    return run(given, open_ros_port)
 
 
 def _run_wiring(given: Arguments) -> Outcome:
