@@ -141,7 +141,7 @@ def test_a_recording_full_of_holes_is_about_the_recording(
     spans = [(at, at + length) for at in np.arange(0.4, whole.duration, length / 0.45)]
     problem = PredictionProblem(rig, 0, usable_parts(rig, 0, [without(whole, *spans)]))
     said = what_is_missing(problem)[0]
-    assert said.startswith("The recording, not the robot, can be judged: for 4")
+    assert said.startswith("The recording shows too little to judge the robot: for 4")
     assert "record on a computer without other work" in said
 
 

@@ -15,8 +15,11 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
+
 from pam_demo.commission.commissioned import Commissioned, SequenceStep
 from pam_demo.commission.exchange import Confirm, CrossedPort, Mend, nobody
+from pam_demo.commission.expected_tracking import NoisyPort, SensorNoise
 from pam_demo.commission.kept import Kept
 from pam_demo.commission.lower_priority import Compute, at_lower_priority, at_same_priority
 from pam_demo.commission.page import write_page
@@ -32,12 +35,15 @@ from pam_model.errors import PamError
 from pam_model.rig import Rig, load_rig, save_rig
 from pam_model.rig.partial import PartialRig, load_partial_rig
 from pam_ros.program_name import PROGRAM
+from pam_sim.boards.sensors import SensorQuality
 
 OpenPort = Callable[[Rig, str, float, str], AbstractContextManager[RobotPort]]
 RIG, ANSWER, PAGE = "commissioned.yaml", "commission.json", "commission.html"
 EARLIER: Final = "commissioned_earlier.yaml"
 """What `RIG` is called after a later commissioning in the same folder has given no rig file."""
 YES: Final = ("y", "yes")
+SENSORS: Final = SensorQuality()
+"""Of a simulated robot."""
 USES: Final = ("pressure", "speed", "distance_from_middle")
 """Limits, shares of which a step has used."""
 
@@ -236,7 +242,10 @@ def run(
     task = "\n".join([name, repr(said), repr(period), robot, path.read_text(encoding="utf-8")])
     if given.simulate is not None:
         true = one_joint(PartialRig(load_rig(given.simulate)), name).rig
-        robot_port: RobotPort = SimulatedPort(true, period)
+        noise = SensorNoise(SENSORS.position_noise, 2 * (SENSORS.pressure_noise,))
+        robot_port: RobotPort = NoisyPort(
+            SimulatedPort(true, period), noise, np.random.default_rng(0)
+        )
         if given.crossed_hoses:
             robot_port = CrossedPort.of(robot_port)
         done = commission(robot_port, partial, name, task, given.out, said, asked, confirm=person)

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
-from pam_gap.answer.user_units import interval_digits, plain
+from pam_gap.answer.user_units import interval_digits, plain, told
 from pam_gap.calibration.calibration import (
     DETERMINED,
     KEPT,
@@ -112,6 +112,24 @@ def sentence(calibration: Calibration) -> str:
         if count[status]
     ]
     return ", ".join(parts)
+
+
+def withheld_lines(calibration: Calibration, words: str) -> list[str]:
+    """How well the rig file predicts what was not fitted, for a terminal.
+
+    Parameters
+    ----------
+    calibration : Calibration
+        Of one joint or muscle.
+    words : str
+        What was not fitted.
+    """
+    shown = [one for one in calibration.withheld if one.horizon == "free run"]
+    return [
+        f"  {one.channel} in a free run of {words}: {told(one.before, one.unit)} RMS as written, "
+        f"{told(one.after, one.unit)} calibrated"
+        for one in shown
+    ]
 
 
 def table_lines(calibration: Calibration) -> list[str]:

@@ -127,7 +127,8 @@ def calibrate_bench_muscle(
         vector, result.stage_errors[stage.name] = fit_stage(problem, stage, numbers, vector, rules)
     progress("all numbers together", 0.5)
     joint = fit_together(problem, numbers, vector, rules)
-    found, result.posterior = conclusion(rig, rig.joints[0].name, numbers, joint, rules)
+    relative, result.posterior = conclusion(rig, rig.joints[0].name, numbers, joint, rules)
+    found = tuple(replace(one, relative=None) for one in relative)  # forces were measured
     others = not_sought(invented, rig.joints[0], found, problem.base.values)
     own = (f"{muscle}.", "supply_pressure")
     result.numbers = (*found, *(one for one in others if one.key.startswith(own)))

@@ -12,7 +12,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from pam_gap.calibration.answer import comments, sentence, table_lines, to_json
+from pam_gap.calibration.answer import (
+    comments,
+    sentence,
+    table_lines,
+    to_json,
+    withheld_lines,
+)
 from pam_gap.calibration.bench import calibrate_bench_muscle
 from pam_gap.calibration.calibration import KEPT, Calibration, calibrate_joint
 from pam_gap.calibration.calibration_rules import DEFAULT
@@ -183,7 +189,7 @@ def run(given: Arguments) -> Outcome:
     )
     for one in found:
         print(f"{one.joint}: {sentence(one)}")
-        for line in table_lines(one):
+        for line in (*table_lines(one), *withheld_lines(one, "what was not fitted")):
             print(line)
     print(f"written: {given.out}")
     path = Path(given.out) / CALIBRATED_RIG

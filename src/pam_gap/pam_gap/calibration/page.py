@@ -20,10 +20,10 @@ _BODY = """
 <div class="verdict" style="--verdict: {{ '#c2410c' if refused else '#00798c' }}">
 <b>{{ 'No rig file' if refused else 'Calibrated' }}</b>{{ summary }}</div>
 {% if rows %}<h2>Numbers</h2>
-{{ table(['number', '#as written', '#now', '#90 % interval', 'unit', 'stage',
-'what this log says'], rows) }}
+{{ table(['number', '#as written', '#now', '#90 % interval', '#if the torque per pressure is right',
+'unit', 'stage', 'what this log says'], rows) }}
 <p class="quiet">A log of pressures and angles fixes ratios: inertia, gravity, conductance and
-volumes all grow with the pull of the muscles. The interval in brackets holds if the torque per
+volumes all grow with the pull of the muscles. The second interval holds if the torque per
 pressure is right, which only measured forces or a known weight determine. The motion that this rig
 file predicts does not depend on it.</p>{% endif %}
 {% if figures %}<h2>Prediction of {{ withheld }}</h2>
@@ -78,10 +78,10 @@ def render(calibration: Calibration, withheld: str) -> str:
             written_value(one),
             written_value(one) if one.status == KEPT else plain(one.value, 4),
             interval_words(one.low, one.high),
+            "" if one.relative is None else interval_words(*one.relative),
             one.unit,
             one.stage,
-            status_words(one)
-            + ("" if one.relative is None else f" ({interval_words(*one.relative)})"),
+            status_words(one),
         )
         for one in calibration.numbers
     ]

@@ -37,7 +37,7 @@ DERIVED: Final = frozenset([
 _UNIT_WORDS: Final = {
     "deg": "deg", "degree": "deg", "degrees": "deg", "mrad": "mrad", "bar": "bar", "kpa": "kPa",
     "mpa": "MPa", "psi": "psi", "mbar": "mbar", "ms": "ms", "us": "us", "ns": "ns", "mm": "mm",
-    "cm": "cm", "kn": "kN", "mn": "mN", "percent": "per cent",
+    "cm": "cm", "kn": "kN", "mn": "mN", "percent": "per cent", "pct": "per cent",
 }  # fmt: skip
 _BRACKET: Final = re.compile(r"(\[[^\]]*\]|\([^()]*(\([^()]*\))?\))\s*$")
 _BEHIND: Final = re.compile(r"[A-Za-z]+ ?\([A-Za-z]+\)\s*$")

@@ -62,7 +62,7 @@ def full_of_holes(problem: PredictionProblem) -> tuple[str, ...]:
     if lost.spoiled_share <= problem.rules.recording.spoiled_share:
         return ()
     return (
-        f"The recording, not the robot, can be judged: {lost.words()}. With the "
+        f"The recording shows too little to judge the robot: {lost.words()}. With the "
         f"{problem.rules.prediction.horizon:g} s after each of them, in which the prediction still "
         f"errs, {100.0 * lost.spoiled_share:.0f} % of the time shows nothing. The computer that "
         "recorded was busy, or the network lost messages: record on a computer without other work, "

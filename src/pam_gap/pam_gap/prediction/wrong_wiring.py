@@ -111,6 +111,7 @@ HOSES = Exchange(
     swaps_commands=True,
     swaps_pressures=True,
 )
+IF_IT_IS = {REVERSED.words: "If it is the sign", HOSES.words: "If it is the hoses"}
 EXCHANGES = (
     REVERSED,
     HOSES,
@@ -187,11 +188,14 @@ def wrong_wiring(problem: PredictionProblem) -> tuple[str, ...]:
         crossed_hoses(problem.rig, entry),
     )  # fmt: skip
     what = ", or ".join(one.words for one in named).format(*names)
-    remedy = " ".join(dict.fromkeys(one.remedy for one in named)).format(*names)
+    remedies = dict.fromkeys(one.remedy for one in named)
+    if len(named) > 1:
+        remedies = dict.fromkeys(f"{IF_IT_IS[one.words]}: {one.remedy}" for one in named)
+    remedy = " ".join(remedies).format(*names)
     return (
         f"Wrong wiring: {what}.{_evidence(found, entry.name)} With this undone, "
-        f"{100.0 * (1.0 - left):.0f} % of the simulation's error disappear (mean over the channels "
-        f"that it changes). {_tell_apart(named, entry.muscles, entry.name)}{remedy}",
+        f"{100.0 * (1.0 - left):.0f} % of the simulation's error disappears (mean over the "
+        f"channels that it changes). {_tell_apart(named, entry.muscles, entry.name)}{remedy}",
     )
 
 
@@ -201,5 +205,5 @@ def _tell_apart(named: Sequence[Exchange], muscles: Sequence[str], joint: str) -
         return ""
     return (
         f"Move {joint} by hand, without air, in the direction in which {muscles[0]} pulls: if its "
-        "angle falls, it is the sign. "
+        "angle falls, it is the sign, else the hoses. "
     )

@@ -21,7 +21,9 @@ def turned_encoder(rig: Rig, joint: Joint) -> str:
     """Which keys of a joint are written otherwise, with their values, as a clause."""
     turned = joint.counted_the_other_way()
     parameters = replace(rig, joints=(turned,)).to_parameters()[joint.name]
-    keys = ["muscles", "position_limits", "gravity_angle"]
+    keys = ["muscles", "position_limits"]
+    if turned.gravity_angle != 0.0:
+        keys.append("gravity_angle")
     if turned.effects != joint.effects:
         keys.append("effects")
     texts = [f"{key}: {parameters[key]}".replace("'", "") for key in keys]
