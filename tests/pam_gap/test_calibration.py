@@ -47,6 +47,7 @@ from pam_model.identify.joint_regression import body_regression, ridge, valve_re
 from pam_model.plant.parameters import NAMES, bounds_of, neutral_values
 from pam_model.rig import Rig, load_rig, save_rig
 from pam_model.rig.partial import PartialRig, load_partial_rig
+from support.page_plots import plots_and_missing_places
 
 from .conftest import Maker
 
@@ -351,6 +352,7 @@ def test_from_files_to_a_rig_file_that_every_tool_reads(
     assert {one["key"] for one in answer["numbers"]} >= {"elbow.inertia", "supply_pressure"}
     page = (out / "calibration.html").read_text(encoding="utf-8")
     assert "Calibration of elbow" in page and "elbow.<wbr>inertia" in page
+    assert plots_and_missing_places(page) == (6, [])
     assert load_partial_rig(path).missing >= {"elbow.viscous_friction"}
 
 

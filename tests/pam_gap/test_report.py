@@ -23,6 +23,7 @@ from pam_gap.answer.report_figures import GUILTY, STAGES
 from pam_gap.answer.report_words import delay_words
 from pam_gap.answer.traces import CLOSEST, IMPROVED, MEASURED, NOMINAL, Trace, draw, thinned
 from pam_model.effects import EFFECTS
+from support.page_plots import plots_and_missing_places
 
 CHANNEL = "joint_states.elbow.position"
 
@@ -85,6 +86,13 @@ def test_page_is_self_contained() -> None:
     assert not re.search(r"<script[^>]+src=|<link", page)
     assert "closes 94 % of the gap" in page
     assert page.index("The joint rubs") < page.index("<h2>")
+
+
+def test_every_plot_has_its_place() -> None:
+    """The page of a calibration had none for its first one, and so none was drawn."""
+    count, missing = plots_and_missing_places(page_of())
+    assert count > 0
+    assert missing == []
 
 
 def test_names_from_outside_are_escaped() -> None:

@@ -208,20 +208,21 @@ class _Page:
         return made
 
 
-def draw(traces: Sequence[Trace], first: Trace) -> Drawn:
-    """Draw the error of the first channel, then values and errors of all channels.
+def draw(traces: Sequence[Trace], first: Trace | None = None) -> Drawn:
+    """Draw the error of one channel, if it is wanted, then values and errors of all channels.
 
     Parameters
     ----------
     traces : sequence of Trace
         All channels; at least one.
-    first : Trace
+    first : Trace, optional
         The channel whose error is the first figure.
 
     Returns
     -------
     Drawn
-        Its parts: the error of `first`; then, for each channel, its values and its error.
+        Its parts: the error of `first`, if it is given; then, for each channel, its values and its
+        error. Each part needs its place on the page: without one of them, none is drawn.
 
     Raises
     ------
@@ -229,7 +230,7 @@ def draw(traces: Sequence[Trace], first: Trace) -> Drawn:
         Without Bokeh.
     """
     page = _Page(traces)
-    figures = [page.errors(first)]
+    figures = [] if first is None else [page.errors(first)]
     for trace in traces:
         figures += [page.values(trace), page.errors(trace)]
     return embedded(figures)

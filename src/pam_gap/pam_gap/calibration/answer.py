@@ -35,7 +35,7 @@ MORE: Mapping[str, str] = {
     "larger ones are limited by the flow of air",
     "supply_pressure": "a pressure gauge at the supply, or filling until the pressure stands still",
     "gain": "a reference gauge at the sensor",
-    "bias": "a rest with both muscles vented",
+    "bias": "a rest with vented muscles",
 }
 """What would determine a number that a log leaves open, by the last part of its key."""
 STATUS = {
@@ -75,7 +75,7 @@ def status_words(number: CalibratedNumber) -> str:
 def comment_of(number: CalibratedNumber, *, is_range: bool = False) -> str:
     """The comment behind a number in a rig file, where `is_range` says that it is still one."""
     if number.status == KEPT:
-        was = "as written"
+        was = "as written" if ".effects." not in number.key else "assumed, as for a good sensor"
         if number.stated is not None and not is_range:
             was = f"the middle of {written_value(number)}"
         elif number.written is None:
@@ -138,9 +138,8 @@ def table_lines(calibration: Calibration) -> list[str]:
     for one in calibration.numbers:
         value = f"{plain(one.value, 4)} {one.unit}".removesuffix(" -")
         if one.status == KEPT:
-            was = (
-                "missing" if one.written is None else f"{written_value(one)} {one.unit}, as written"
-            )
+            said = "assumed" if ".effects." in one.key else "as written"
+            was = "missing" if one.written is None else f"{written_value(one)} {one.unit}, {said}"
             was = was.replace(" -,", ",")
             lines.append(f"  {one.key}: {was}; would help: {what_would_help(one)}")
         else:

@@ -32,9 +32,9 @@ file predicts does not depend on it.</p>{% endif %}
 {% if no_plots %}<p class="quiet">There are no plots here: {{ no_plots }}.</p>{% endif %}
 {% if drawn.parts %}<h2>Measured and predicted</h2>
 {% for trace in traces %}<figure class="plot"><b>{{ trace.channel }}: measured and predicted</b>
-{{ drawn.parts[2 * loop.index0 + 1] | safe }}</figure>
+{{ drawn.parts[2 * loop.index0] | safe }}</figure>
 <figure class="plot"><b>{{ trace.channel }}: predicted minus measured</b>
-{{ drawn.parts[2 * loop.index0 + 2] | safe }}</figure>{% endfor %}{% endif %}
+{{ drawn.parts[2 * loop.index0 + 1] | safe }}</figure>{% endfor %}{% endif %}
 {% if notes %}<h2>The data</h2><ul>{% for note in notes %}<li>{{ note }}</li>{% endfor %}</ul>
 {% endif %}
 """
@@ -89,7 +89,7 @@ def render(calibration: Calibration, withheld: str) -> str:
     if calibration.problem is not None and calibration.after is not None:
         assert calibration.before is not None
         shown = traces(calibration.problem, calibration.before, calibration.after)
-        drawn, no_plots = drawn_or_reason(partial(draw, shown, shown[0]))
+        drawn, no_plots = drawn_or_reason(partial(draw, shown))
     return html_page(
         f"Calibration of {calibration.joint}",
         _BODY,

@@ -40,6 +40,7 @@ _TOP = (
 )
 TRACKING_ERROR = 0.5  # rad, by default at most
 TRACKING_SHARE = 0.25  # of a joint's range, by default
+USUAL_SUPPLY = 6e5  # Pa gauge; where the file states none, other problems are still found
 
 
 def _effects(owner: Section, scope: Scope) -> dict[str, dict[str, float]]:
@@ -383,10 +384,11 @@ def parse_rig(
     numbers: dict[str, Any] = {key: top.number(key, entry) for key, entry in NUMBERS[""].items()}
     gas = _gas(top.section("gas"))
     supply = numbers["supply_pressure"]
-    gauge = math.nan
+    gauge = USUAL_SUPPLY
     if gas is not None and supply is not None:
-        gauge = supply - gas.ambient_pressure
-        if gauge <= 0.0:
+        if supply > gas.ambient_pressure:
+            gauge = supply - gas.ambient_pressure
+        else:
             top.add("supply_pressure", f" = {supply:g} Pa absolute: must be above ambient")
     bench = (top.names("bench_muscles") or []) if "bench_muscles" in top.tree else []
     top.asked.append("bench_muscles")
