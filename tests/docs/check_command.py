@@ -42,7 +42,7 @@ OTHER_PROGRAMS = {
     "echo": "shell",
     "export": "shell",
     "source": "shell",
-    "cp": "shell",
+    "cp", "sed": "shell",
     "git": "version control",
     "rosdep": "needs a ROS installation",
     "firmware/out/pam_board": "tests/firmware builds and runs it",
