@@ -40,7 +40,7 @@ from pam_sim.boards.sensors import SensorQuality
 OpenPort = Callable[[Rig, str, float, str], AbstractContextManager[RobotPort]]
 RIG, ANSWER, PAGE = "commissioned.yaml", "commission.json", "commission.html"
 EARLIER: Final = "commissioned_earlier.yaml"
-"""What `RIG` is called after a later commissioning in the same folder has given no rig file."""
+"""What `RIG` is called after a later commissioning in the same folder."""
 YES: Final = ("y", "yes")
 SENSORS: Final = SensorQuality()
 """Of a simulated robot."""
