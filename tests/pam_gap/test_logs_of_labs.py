@@ -310,6 +310,39 @@ def test_a_unit_that_only_the_size_says_is_to_be_checked(rig: Rig, tmp_path: Pat
     assert not import_log(stated, rig, tmp_path / "out").doubts
 
 
+def test_a_pressure_without_a_unit_is_to_be_checked(rig: Rig, tmp_path: Path) -> None:
+    """Integers of a public arm, of an unknown unit, passed for Pa without a word."""
+    columns = (TIME, 0.3 * FIRST, 0.3 * SECOND, ANGLE)
+    path = written(tmp_path / "log.csv", "t_s;obs_ago;obs_ant;phi_rad", *columns)
+    doubts = import_log(path, rig, tmp_path / "out").doubts
+    assert doubts == ["'obs_ago', 'obs_ant': no unit is stated; taken for Pa"]
+    first, second = (f"pressure_states.{muscle.name}" for muscle in rig.muscles)
+    ours = written(tmp_path / "log.csv", f"t_s;{first};{second};phi_rad", *columns)
+    assert not import_log(ours, rig, tmp_path / "out").doubts
+
+
+def test_seconds_since_1970_are_seconds_however_slow_the_log(rig: Rig, tmp_path: Path) -> None:
+    slow = 1.769e9 + 3.1 * np.arange(TIME.size)
+    names = "timestamp;p1_kPa;p2_kPa;phi_rad"
+    path = written(tmp_path / "log.csv", names, slow, 1e-3 * FIRST, 1e-3 * SECOND, ANGLE)
+    found = propose(read_columns(path).columns, rig)
+    assert next(one.unit for one in found if one.channel == "time") == ""
+
+
+def test_whole_numbers_of_a_pwm_are_no_pressure(rig: Rig, tmp_path: Path) -> None:
+    regulated = tuple(
+        replace(muscle, valve=replace(muscle.valve, kind="pressure_regulator"))
+        for muscle in rig.muscles
+    )
+    rig = replace(rig, muscles=regulated)
+    pwm = np.round(np.linspace(0.0, 255.0, TIME.size))
+    path = written(
+        tmp_path / "log.csv", "t_s;p1_kPa;p2_kPa;phi_rad;pwm_input1",
+        TIME, 1e-3 * FIRST, 1e-3 * SECOND, ANGLE, pwm,
+    )  # fmt: skip
+    assert "pwm_input1" not in {one.column for one in propose(read_columns(path).columns, rig)}
+
+
 @pytest.mark.parametrize(
     ("name", "values", "reason"),
     [

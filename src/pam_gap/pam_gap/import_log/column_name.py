@@ -44,7 +44,7 @@ _BEHIND: Final = re.compile(r"[A-Za-z]+ ?\([A-Za-z]+\)\s*$")
 """The last word of a name with brackets behind it, as in `p1 bar(a)`."""
 _ABSOLUTE: Final = frozenset(["abs", "absolute"])
 _COUNTS: Final = frozenset(
-    ["raw", "adc", "counts", "count", "ticks", "lsb", "digits", "encoder", "enc"]
+    ["raw", "adc", "counts", "count", "ticks", "lsb", "digits", "encoder", "enc", "pwm", "duty"]
 )
 """Words of a column that holds steps of a converter or an encoder, if it holds whole numbers."""
 _VOLTS: Final = re.compile(r"[\s_.-](mA|mV|V|[Vv]olts?)$")

@@ -280,6 +280,12 @@ def run(given: Arguments) -> Outcome:
         print(f"refused: {text}")
     for text in preview.no_verdict:
         print(f"no verdict can follow: {text}")
+    usable = preview.recording
+    if usable is not None and not preview.problems and not preview.no_verdict:
+        print(
+            f"usable: {usable.duration:.3g} s at {1.0 / usable.sample_time:.4g} Hz, "
+            f"{len(usable.values)} channels"
+        )
     if partial.is_rough:
         print("note: the rig file is rough; find its numbers with `pam gap calibrate` and this map")
     print(f"written: {given.out}")

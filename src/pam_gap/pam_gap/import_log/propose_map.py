@@ -333,6 +333,9 @@ def doubts(proposed: Sequence[Proposed], table: Table, rig: Rig) -> list[str]:
         if one.is_guessed and one.unit:
             guessed.setdefault(one.unit, []).append(one.column)
     found += [f"{all_shown(of)}: taken for {unit} by the size" for unit, of in guessed.items()]
+    plain = [p.column for p in proposed if p.is_guessed and not p.unit and _needs_a_unit(p, rig)]
+    if plain:
+        found.append(f"{all_shown(plain)}: no unit is stated; taken for Pa")
     used = {one.column for one in proposed}
     names = [
         ColumnName(name, table.units.get(name, ""), table.columns)
@@ -366,6 +369,12 @@ def doubts(proposed: Sequence[Proposed], table: Table, rig: Rig) -> list[str]:
                 if name.words & _CONTRACTION
             ]
     return found
+
+
+def _needs_a_unit(one: Proposed, rig: Rig) -> bool:
+    """Whether a column is a pressure under a name that is not one of this suite."""
+    own = any(one.column.endswith(name) for name in _own_names(one.channel))
+    return not own and _expected(one.channel, rig).startswith("Pa")
 
 
 def _why_left_out(channel: str, column: ColumnName, table: Table, rig: Rig) -> str:

@@ -26,6 +26,11 @@ _FRACTIONS: Final = {
 """Last words of columns that hold the rest of a time in whole seconds, and their unit [s]."""
 _SECONDS: Final = frozenset(["sec", "secs", "seconds"])
 _DAY: Final = 86400.0
+_EPOCH: Final = (1e9, 2.5e9)
+"""Seconds since 1970, from 2001 to 2049."""
+_OF_EPOCH: Final = (("", 1.0), ("ms", 1e3), ("us", 1e6), ("ns", 1e9))
+_LONG_STEP: Final = 3600.0
+"""Between two rows [s]; numbers like those of an epoch with longer steps are in another unit."""
 
 
 def unit_of_time(column: ColumnName, values: Array) -> str:
@@ -36,6 +41,10 @@ def unit_of_time(column: ColumnName, values: Array) -> str:
     step = float(np.median(np.diff(stamps))) if stamps.size > 1 else 0.0
     if stamps.size < 0.5 * values.size:  # written with few digits: several rows have one stamp
         step *= stamps.size / values.size
+    for unit, factor in _OF_EPOCH:
+        low, high = (factor * end for end in _EPOCH)
+        if stamps.size and low <= stamps[0] <= stamps[-1] <= high and step <= _LONG_STEP * factor:
+            return unit
     if SHORTEST_STEP <= step <= LONGEST_STEP:
         return ""
     fitting = units_that_fit(step, "s", SHORTEST_STEP, LONGEST_STEP, RECORDED)

@@ -190,7 +190,9 @@ def wrong_wiring(problem: PredictionProblem) -> tuple[str, ...]:
     what = ", or ".join(one.words for one in named).format(*names)
     remedies = dict.fromkeys(one.remedy for one in named)
     if len(named) > 1:
-        remedies = dict.fromkeys(f"{IF_IT_IS[one.words]}: {one.remedy}" for one in named)
+        remedies = dict.fromkeys(
+            f"{IF_IT_IS[one.words]}, {one.remedy[0].lower()}{one.remedy[1:]}" for one in named
+        )
     remedy = " ".join(remedies).format(*names)
     return (
         f"Wrong wiring: {what}.{_evidence(found, entry.name)} With this undone, "
