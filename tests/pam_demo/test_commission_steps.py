@@ -25,9 +25,10 @@ from pam_demo.commission.least_favourable import (
 )
 from pam_demo.commission.motion_loop import NEARLY_EMPTY, scale_of
 from pam_demo.commission.motions import filling, staircase, steps
-from pam_demo.commission.play import play, start_up_check, touch
+from pam_demo.commission.play import play, start_up_check, touch, vented
 from pam_demo.commission.robot_port import JointReading
 from pam_demo.commission.ros_port_node import age_of_stamp
+from pam_demo.commission.simulated_port import SimulatedPort
 from pam_demo.commission.tracking import controller_for, reaches, track
 from pam_demo.commission.watch import Limits, Seen, watched
 from pam_gap.calibration.calibration import DETERMINED, KEPT, CalibratedNumber
@@ -440,6 +441,31 @@ def test_a_tracking_test_plans_while_the_joint_rests_and_is_judged_at_the_time_o
     assert min(waits) > 10 * PERIOD
     assert len(tracked.table) * PERIOD == pytest.approx(points[-1].time_from_start, abs=0.02)
     assert tracked.rms < 1e-3
+
+
+def test_a_motion_that_takes_long_to_plan_is_followed_all_the_same(
+    elbow: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With the rough file of a drawn robot, to plan took 0.14 s: the test was ended each time."""
+    scale, port = scale_of(elbow, PERIOD), SimulatedPort(elbow, PERIOD)
+    controller, last = controller_for(port, elbow), [vented(elbow)]
+    follow, advance = controller.references.follow, port.advance
+
+    def remembered(commands: Sequence[float]) -> JointReading:
+        last[0] = commands
+        return advance(commands)
+
+    def slow(*given: Any, **when: float) -> None:
+        follow(*given, **when)
+        for _ in range(round(0.2 / PERIOD)):
+            advance(last[0])
+
+    monkeypatch.setattr(port, "advance", remembered)
+    monkeypatch.setattr(controller.references, "follow", slow)
+    points = reaches(scale.middle, scale.reach, 0.6)
+    tracked = track(port, controller, points, Limits.of(elbow))
+    assert not tracked.stopped
+    assert tracked.rms < 3e-3  # what is left of the pause when the motion begins
 
 
 # --- a busy computer ------------------------------------------------------------------------------

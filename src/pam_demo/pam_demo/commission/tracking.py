@@ -135,7 +135,8 @@ def track(
     log = Log.of_port(rig, port)
     rows: list[tuple[float, float, float]] = []
     seen, stopped, most = Seen(), "", np.zeros(3)
-    reading = first_reading(port, vented(rig))
+    commands = vented(rig)
+    reading = first_reading(port, commands)
     where = float(points[-1].positions[0])
     way = [TrajectoryPoint(APPROACH, [where], [0.0], [0.0])]
     begin = reading.time + SETTLE + APPROACH + REST
@@ -148,6 +149,10 @@ def track(
             seen, stopped = watched(seen, reading, limits, port.period)
             if not stopped and due and now >= due[0][0] - AHEAD:
                 stopped = _follow(controller, name, *due.pop(0), now)
+                if not stopped:  # the last commands held the resting joint meanwhile
+                    reading = port.advance(commands)
+                    now = reading.time
+                    seen = seen._replace(time=now, position=reading.position)
             if stopped:
                 break
             most = np.maximum(most, limits.shares(reading.pressures, seen.speed, reading.position))
