@@ -25,6 +25,8 @@ def test_a_robot_tracks_within_half_more_than_with_the_true_file() -> None:
     assert good.tracks
     assert not Result(0, 300.0, (0.6, 0.5, 0.4), 3e-3, 1e-3, 1.6e-3, 1e-3).tracks
     assert not Result(0, 20.0, (math.nan,) * 3, said="ended").tracks
+    never = Result(0, 300.0, (0.6, 0.5, 0.4), after=math.inf, true=math.inf)
+    assert not never.tracks
 
 
 @pytest.mark.system
@@ -35,7 +37,7 @@ def test_the_boards_simulate_the_true_robot_and_the_driver_has_the_rough_file(
     partial = on_a_board(partial)
     true = true_rig_file(partial.rig, drawn)
     name = partial.rig.joints[0].name
-    with simulated_robot(partial, true, tmp_path) as chain:
+    with simulated_robot(partial.rig, true, tmp_path) as chain:
         assert load_rig(tmp_path / "driver.yaml").joints != load_rig(tmp_path / "true.yaml").joints
         with (
             set_environment(chain.environment),

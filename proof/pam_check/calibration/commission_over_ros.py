@@ -77,7 +77,7 @@ class Result:
     @property
     def tracks(self) -> bool:
         """Whether the joint tracks as asked."""
-        return bool(self.after <= RATIO * self.true)
+        return math.isfinite(self.after) and bool(self.after <= RATIO * self.true)
 
     def line(self) -> str:
         """For a terminal."""
@@ -102,10 +102,11 @@ def on_a_board(partial: PartialRig) -> PartialRig:
 
 
 @contextmanager
-def simulated_robot(partial: PartialRig, true: Rig, folder: Path) -> Iterator[Chain]:
+def simulated_robot(written: Rig, true: Rig, folder: Path) -> Iterator[Chain]:
     """Boards with the numbers of one rig file and a driver with those of another one, active."""
+    folder.mkdir(parents=True, exist_ok=True)
     rough, exact = folder / "driver.yaml", folder / "true.yaml"
-    save_rig(partial.rig, rough)
+    save_rig(written, rough)
     save_rig(true, exact)
     settings = node_settings(2.0 * RATE)
     unchecked = {"plausibility": False, "start_up_check": False}
@@ -118,10 +119,18 @@ def simulated_robot(partial: PartialRig, true: Rig, folder: Path) -> Iterator[Ch
     chain.write_logs(folder)
 
 
-def _tests(port: RobotPort, rig: Rig, done: Commissioned) -> list[Tracked]:
+def _tests(
+    rig: Rig, true: Rig, done: Commissioned, folder: Path, open_port: OpenPort
+) -> list[Tracked]:
     """The tracking test of a commissioning with one rig file, several times in a row."""
-    controller = controller_for(port, rig)
-    return [track(port, controller, done.points, Limits.of(rig)) for _ in range(TESTS)]
+    name = rig.joints[0].name
+    with (
+        simulated_robot(rig, true, folder) as chain,
+        set_environment(chain.environment),
+        open_port(rig, name, 1.0 / RATE, "") as port,
+    ):
+        controller = controller_for(port, rig)
+        return [track(port, controller, done.points, Limits.of(rig)) for _ in range(TESTS)]
 
 
 def _largest(uses: Sequence[Sequence[float]]) -> tuple[float, float, float]:
@@ -147,22 +156,26 @@ def _commissioned(
     rig: int, task: str, partial: PartialRig, true: Rig, folder: Path, open_port: OpenPort
 ) -> Result:
     name = partial.rig.joints[0].name
-    with simulated_robot(partial, true, folder) as chain, set_environment(chain.environment):
+    with simulated_robot(partial.rig, true, folder) as chain, set_environment(chain.environment):
         began = time.monotonic()
         with open_port(partial.rig, name, 1.0 / RATE, "") as port:
             done = commission(
                 port, partial, name, task, folder, TOLERANCES, lambda _: True, at_lower_priority
             )
-            seconds = time.monotonic() - began
-            uses = [step.most for step in done.steps]
-            if done.rig is None or done.before is None or done.after is None:
-                return Result(rig, seconds, _largest(uses), said=done.ended or done.doubt)
-            found, exact = (_tests(port, one, done) for one in (done.rig, true))
+        seconds = time.monotonic() - began
+    uses = [step.most for step in done.steps]
+    if done.rig is None or done.before is None or done.after is None:
+        return Result(rig, seconds, _largest(uses), said=done.ended or done.doubt)
+    found, exact = (
+        _tests(one, true, done, folder / place, open_port)
+        for one, place in ((done.rig, "identified"), (true, "exact"))
+    )
     uses += [one.most for one in (done.before, done.after, *found)]
-    stopped = [one.stopped for one in (done.after, *found, *exact) if one.stopped]
+    stopped = [one.stopped for one in (done.after, *found, *exact)]
+    said = dict.fromkeys(text for text in (done.ended or done.doubt, *stopped) if text)
     return Result(
         rig, seconds, _largest(uses), done.before.rms, done.after.rms, together(found),
-        together(exact), "; ".join(dict.fromkeys([done.ended or done.doubt, *stopped])),
+        together(exact), "; ".join(said),
     )  # fmt: skip
 
 
