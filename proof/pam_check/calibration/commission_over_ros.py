@@ -30,7 +30,6 @@ from pam_demo.chain import Chain, multicast_bus, private_domain, set_environment
 from pam_demo.commission.commission import OpenPort, commission
 from pam_demo.commission.commissioned import Commissioned
 from pam_demo.commission.lower_priority import at_lower_priority
-from pam_demo.commission.robot_port import RobotPort
 from pam_demo.commission.tracking import Tracked, controller_for, track
 from pam_demo.commission.watch import Limits
 from pam_demo.demo import COMPILE_TIMEOUT, SIMULATING, START_TIMEOUT, node_settings
