@@ -8,7 +8,7 @@ from support.source_tree import ROOT
 
 OF_LIBRARIES = {
     "os": {"_exit"},
-    "collections.namedtuple": {"_asdict", "_fields", "_make", "_replace"},
+    "collections.namedtuple": {"_asdict", "_field_defaults", "_fields", "_make", "_replace"},
     "python-can": {"_multicast", "_recv_internal", "_send_destination"},
     "numba": {"_cache"},
     "scipy.io": {"_fieldnames"},

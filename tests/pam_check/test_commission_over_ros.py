@@ -11,7 +11,7 @@ import pytest
 from pam_check.calibration.commission_campaign import drawn_with_file, true_rig_file
 from pam_check.calibration.commission_over_ros import (
     RATE,
-    Result,
+    RosResult,
     on_a_board,
     simulated_robot,
 )
@@ -21,11 +21,11 @@ from pam_model.rig import load_rig
 
 
 def test_a_robot_tracks_within_half_more_than_with_the_true_file() -> None:
-    good = Result(0, 300.0, (0.6, 0.5, 0.4), 3e-3, 1e-3, 1.4e-3, 1e-3)
+    good = RosResult(0, 300.0, (0.6, 0.5, 0.4), 3e-3, 1e-3, 1.4e-3, 1e-3)
     assert good.tracks
-    assert not Result(0, 300.0, (0.6, 0.5, 0.4), 3e-3, 1e-3, 1.6e-3, 1e-3).tracks
-    assert not Result(0, 20.0, (math.nan,) * 3, said="ended").tracks
-    never = Result(0, 300.0, (0.6, 0.5, 0.4), after=math.inf, true=math.inf)
+    assert not RosResult(0, 300.0, (0.6, 0.5, 0.4), 3e-3, 1e-3, 1.6e-3, 1e-3).tracks
+    assert not RosResult(0, 20.0, (math.nan,) * 3, said="ended").tracks
+    never = RosResult(0, 300.0, (0.6, 0.5, 0.4), after=math.inf, true=math.inf)
     assert not never.tracks
 
 

@@ -44,7 +44,7 @@ MOST_SECONDS: Final = 600.0
 
 
 @dataclass(frozen=True, slots=True)
-class Result:
+class RosResult:
     """One rig.
 
     Attributes
@@ -137,7 +137,7 @@ def _largest(uses: Sequence[Sequence[float]]) -> tuple[float, float, float]:
     return pressure, speed, place
 
 
-def commission_one(rig: int, seed: int, folder: Path, open_port: OpenPort) -> Result:
+def commission_one(rig: int, seed: int, folder: Path, open_port: OpenPort) -> RosResult:
     """Commission one drawn rig over ROS."""
     random = np.random.default_rng([seed, rig])
     own = folder / f"{rig:03d}"
@@ -148,12 +148,12 @@ def commission_one(rig: int, seed: int, folder: Path, open_port: OpenPort) -> Re
     try:
         return _commissioned(rig, f"{seed} {rig}", partial, true, own, open_port)
     except PamError as error:  # such as a rough file with which no driver starts
-        return Result(rig, 0.0, _largest([]), said=str(error))
+        return RosResult(rig, 0.0, _largest([]), said=str(error))
 
 
 def _commissioned(
     rig: int, task: str, partial: PartialRig, true: Rig, folder: Path, open_port: OpenPort
-) -> Result:
+) -> RosResult:
     name = partial.rig.joints[0].name
     with simulated_robot(partial.rig, true, folder) as chain, set_environment(chain.environment):
         began = time.monotonic()
@@ -164,7 +164,7 @@ def _commissioned(
         seconds = time.monotonic() - began
     uses = [step.most for step in done.steps]
     if done.rig is None or done.before is None or done.after is None:
-        return Result(rig, seconds, _largest(uses), said=done.ended or done.doubt)
+        return RosResult(rig, seconds, _largest(uses), said=done.ended or done.doubt)
     found, exact = (
         _tests(one, true, done, folder / place, open_port)
         for one, place in ((done.rig, "identified"), (true, "exact"))
@@ -172,7 +172,7 @@ def _commissioned(
     uses += [one.most for one in (done.before, done.after, *found)]
     stopped = [one.stopped for one in (done.after, *found, *exact)]
     said = dict.fromkeys(text for text in (done.ended or done.doubt, *stopped) if text)
-    return Result(
+    return RosResult(
         rig, seconds, _largest(uses), done.before.rms, done.after.rms, together(found),
         together(exact), "; ".join(said),
     )  # fmt: skip
@@ -190,7 +190,7 @@ def run(given: Arguments, open_port: OpenPort) -> Outcome:
     """
     folder = Path(given.out)
     folder.mkdir(parents=True, exist_ok=True)
-    results: list[Result] = []
+    results: list[RosResult] = []
     for rig in range(given.first, given.first + given.rigs):
         results.append(commission_one(rig, given.seed, folder, open_port))
         print(results[-1].line(), flush=True)
