@@ -13,9 +13,10 @@ from pam_gap.import_log.import_log import MAP, import_log
 from pam_gap.import_log.propose_map import Proposed, propose
 from pam_gap.recordings.column_map import load_column_map
 from pam_gap.recordings.import_csv import read_columns
+from pam_gap.recordings.import_recording import import_recording
 from pam_gap.recordings.recording import RawChannel, RawRecording, RecordingError
 from pam_gap.recordings.resample import resample
-from pam_model.rig import Rig
+from pam_model.rig import Rig, save_rig
 
 TIME: Final = np.arange(400) * 0.004
 FIRST, SECOND = (2e5 + s * 6e4 * np.sin(5.0 * TIME) for s in (1.0, -1.0))
@@ -434,3 +435,34 @@ def test_an_opening_counted_from_the_exhaust_is_refused(
     path = written(tmp_path / "log.csv", names, TIME, FIRST, SECOND, ANGLE, *commands)
     problems = import_log(path, rig, tmp_path / "out").problems
     assert [("is never below 0, and" in text) for text in problems] == [True] * (shift > 0.0)
+
+
+def test_a_table_without_names_gets_them_from_the_map(
+    rig: Rig, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Public logs of a bench and of a platform begin with numbers."""
+    path = tmp_path / "log.csv"
+    np.savetxt(path, np.column_stack([TIME, FIRST, SECOND, ANGLE]), delimiter=",")
+    rig_path, map_path, out = tmp_path / "rig.yaml", tmp_path / "map.yaml", str(tmp_path / "out")
+    save_rig(rig, rig_path)
+    given = ["import", str(path), "--rig", str(rig_path), "--out", out]
+    assert main(given) == 2
+    assert "or in the map, as `names: [...]`" in capsys.readouterr().err
+    first, second = (f"pressure_states.{muscle.name}" for muscle in rig.muscles)
+    channels = f"{{{first}: p1, {second}: p2, joint_states.elbow.position: phi}}"
+    map_path.write_text(f"names: [t, p1, p2, phi]\ntime: t\nchannels: {channels}\n")
+    assert main([*given, "--map", str(map_path)]) == 0
+    read = import_recording(tmp_path / "out" / "recording.parquet")
+    assert np.ptp(read.values[first]) == pytest.approx(np.ptp(FIRST), rel=0.01)
+    for names, said in (
+        ("[t, p1, p2]", "it has 4 columns, and `names` in the map are 3"),
+        ("[t, p1, p1, phi]", "expected a list with one name for each column"),
+        ("t", "expected a list with one name for each column"),
+    ):
+        map_path.write_text(f"names: {names}\ntime: t\nchannels: {channels}\n")
+        assert main([*given, "--map", str(map_path)]) == 2
+        assert said in capsys.readouterr().err
+    named = written(path, "t;p1;p2;phi", TIME, FIRST, SECOND, ANGLE)
+    map_path.write_text(f"names: [t, p1, p2, phi]\ntime: t\nchannels: {channels}\n")
+    with pytest.raises(RecordingError, match="expected no `names` in the map"):
+        import_log(named, rig, tmp_path / "out", map_path=map_path)

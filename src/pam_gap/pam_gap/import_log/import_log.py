@@ -8,7 +8,7 @@ rig contract. Nothing is fitted.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -50,8 +50,10 @@ MAP, PAGE, TABLE = "map.yaml", "preview.html", "recording.parquet"
 Ask = Callable[[str], str]
 
 
-def columns_of(path: Path) -> Table:
+def columns_of(path: Path, names: Sequence[str] = ()) -> Table:
     """Every column of a log, and remarks on what could not be read.
+
+    `names` are those of the columns of a table of text that has none.
 
     Raises
     ------
@@ -62,7 +64,7 @@ def columns_of(path: Path) -> Table:
         channels, damage = read_bag_columns(path)
         return Table({name: channel.value for name, channel in channels.items()}, remarks=damage)
     if is_table(path):
-        return read_columns(path)
+        return read_columns(path, names=names)
     raise RecordingError(
         f"{path}: not a log; expected a bag, or a CSV, text, Parquet, NPZ, MAT, HDF5 or JSON file"
     )
@@ -213,12 +215,14 @@ def import_log(
     RecordingError
         When the log or the map cannot be read, or no column fits.
     """
-    table = columns_of(path)
+    given = None if map_path is None else load_column_map(map_path)
+    table = columns_of(path, given.names if given else ())
     out.mkdir(parents=True, exist_ok=True)
-    used, doubtful = map_path, list[str]()
-    if used is None:
-        used, doubtful = _proposed_map(path, table, rig, out, rate, ask)
-    column_map: ColumnMap = load_column_map(used)
+    doubtful = list[str]()
+    if given is None:
+        proposed, doubtful = _proposed_map(path, table, rig, out, rate, ask)
+        given = load_column_map(proposed)
+    column_map: ColumnMap = given
     recording: Recording | None = None
     problems: list[str] = []
     missing: list[str] = []

@@ -16,6 +16,8 @@ of `column` is a weighted sum. `held` in place of both is one value for the whol
 the length at which a muscle is held, which no sensor measures. For an absolute pressure the ambient
 one, 101 325 Pa, is subtracted unless `ambient` says otherwise. The columns of a bag are its topics
 and fields (`bag_columns`), with stamps of their own, so that its map has neither `time` nor `rate`.
+A table of text without a line of names gets them from `names: [t, p1, p2, phi]`, one for each
+column.
 """
 
 from __future__ import annotations
@@ -103,6 +105,7 @@ class ColumnMap:
     channels: Mapping[str, MappedColumn]  # channel of the rig contract -> column
     time: MappedColumn | None  # column of the time [s]; None for a table with a constant rate
     rate: float = 0.0  # rate [Hz] of a table without a time; 0 for a bag, which has stamps
+    names: tuple[str, ...] = ()  # of all columns of a table without a line of names
 
     def apply(self, path: Path, columns: Mapping[str, Array]) -> dict[str, Array]:
         """Time and channels of a table with these columns.
@@ -287,13 +290,21 @@ def load_column_map(path: str | Path) -> ColumnMap:
         return _map_of(content, source)
 
 
+def _names(given: Any, source: Path) -> tuple[str, ...]:
+    """The names of all columns of a table that has none."""
+    are_texts = isinstance(given, list) and all(isinstance(n, str) and n.strip() for n in given)
+    if not are_texts or not given or len(set(given)) < len(given):
+        raise RecordingError(f"{source}: names: expected a list with one name for each column")
+    return tuple(given)
+
+
 def _map_of(content: Any, source: Path) -> ColumnMap:
     if not isinstance(content, Mapping) or not isinstance(content.get("channels"), Mapping):
         raise RecordingError(f"{source}: no `channels`; expected channel: column")
-    unknown = sorted(set(map(str, content)) - {"time", "rate", "channels"})
+    unknown = sorted(set(map(str, content)) - {"names", "time", "rate", "channels"})
     if unknown:
         raise RecordingError(
-            f"{source}: unknown key {all_shown(unknown)}; known are time, rate, channels"
+            f"{source}: unknown key {all_shown(unknown)}; known are names, time, rate, channels"
         )
     if "time" in content and "rate" in content:
         raise RecordingError(f"{source}: expected either `time` or `rate` [Hz]")
@@ -309,11 +320,11 @@ def _map_of(content: Any, source: Path) -> ColumnMap:
             f"{COMMANDS}<muscle>, {JOINTS}<joint>.position, {MUSCLES}<muscle>.effort or {SUPPLY}"
         )
     channels = {str(k): _column(str(k), v, source) for k, v in content["channels"].items()}
+    names = _names(content["names"], source) if "names" in content else ()
     if "rate" in content:
         rate = _number(content, "rate", 0.0, str(source))
         if not rate > 0.0:
             raise RecordingError(f"{source}: rate is {rate:g}; expected Hz above 0")
-        return ColumnMap(source, channels, None, rate)
-    if "time" not in content:
-        return ColumnMap(source, channels, None)
-    return ColumnMap(source, channels, _column("time", content["time"], source))
+        return ColumnMap(source, channels, None, rate, names)
+    time = _column("time", content["time"], source) if "time" in content else None
+    return ColumnMap(source, channels, time, names=names)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -55,13 +56,15 @@ def known_channel(name: str) -> bool:
     )
 
 
-def read_columns(path: Path, rows: int | None = None) -> Table:
+def read_columns(path: Path, rows: int | None = None, names: Sequence[str] = ()) -> Table:
     """All columns of a table as numbers; entries that are no numbers become NaN.
 
     Parameters
     ----------
     rows : int, optional
         Rows that are read of a table of text; all by default.
+    names : sequence of str, optional
+        Names of the columns of a table of text that has none.
 
     Raises
     ------
@@ -69,12 +72,14 @@ def read_columns(path: Path, rows: int | None = None) -> Table:
         When the file cannot be read.
     """
     with reading(path, "a readable table", RecordingError):
+        if names and path.suffix.lower() in (*ARRAYS, *PARQUET):
+            raise ValueError("its columns have names; expected no `names` in the map")
         if path.suffix.lower() in ARRAYS:
             read = read_arrays_apart if path.suffix.lower() in APART else read_arrays
             return Table({name.strip(): _real(array) for name, array in read(path).items()})
         if path.suffix.lower() in PARQUET:
             return Table.of_frame(_parquet(path))
-        return read_text_table(path, rows)
+        return read_text_table(path, rows, names)
 
 
 def _real(array: Any) -> Any:
@@ -108,7 +113,7 @@ def read_table(path: Path, column_map: ColumnMap | None = None) -> RawRecording:
         When the file cannot be read, has no usable `time`, holds no channel of the contract, or a
         column that the map names holds no number.
     """
-    table = read_columns(path)
+    table = read_columns(path, names=column_map.names if column_map else ())
     remarks = list(table.remarks)
     if column_map is not None:
         mapped = column_map.apply(path, table.columns)

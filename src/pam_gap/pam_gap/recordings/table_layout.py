@@ -143,23 +143,25 @@ def _are_units(cells: Sequence[str]) -> bool:
     return bool(filled) and all(unit_spelt(cell) for cell in filled)
 
 
-def find_layout(lines: Sequence[str]) -> TableLayout:
+def find_layout(lines: Sequence[str], given: Sequence[str] = ()) -> TableLayout:
     """Find names, units and numbers of a table in its first lines.
 
     Parameters
     ----------
     lines : sequence of str
         The first lines of the file, all of them, without line ends.
+    given : sequence of str, optional
+        Names of the columns of a table without names.
 
     Raises
     ------
     ValueError
-        When there is no line, or none that holds the names of the columns; the message says which
-        line looks like it.
+        When there is no line, or none that holds the names of the columns, and none are given; the
+        message says which line looks like it. Also when the given ones do not fit.
     """
     told = [(k, line) for k, line in enumerate(lines) if line.strip()]
     body = [(k, line) for k, line in told if not line.lstrip().startswith(COMMENT)]
-    if len(body) < 2:
+    if len(body) < (1 if given else 2):
         raise ValueError("it holds no rows below a line of names")
     best: tuple[float, int, str | None, Rows] = (0.0, -1, None, [])
     for between in _SEPARATORS:
@@ -183,6 +185,11 @@ def find_layout(lines: Sequence[str]) -> TableLayout:
         comments = [line.strip("#% ") for line in above_it]
         comment = comments[-1] if comments else ""
         names = _fitted(_cells(comment, between), cells, comment)
+    if names and given:
+        raise ValueError("its columns have names; expected no `names` in the map")
+    if given and len(given) != len(cells):
+        raise ValueError(f"it has {len(cells)} columns, and `names` in the map are {len(given)}")
+    names = names or list(given)
     if not names:
         raise ValueError(_no_names(first, cells, body, place))
     text = [line for _, line in body[place:]]
@@ -214,7 +221,7 @@ def _no_names(first: int, cells: list[str], body: list[tuple[int, str]], place: 
     if not place:
         return (
             f"the first line holds numbers; expected the names of the {len(cells)} columns in a "
-            "line above them"
+            "line above them, or in the map, as `names: [...]`"
         )
     number, line = body[place - 1]
     return (

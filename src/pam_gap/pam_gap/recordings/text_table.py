@@ -10,6 +10,7 @@ from __future__ import annotations
 import codecs
 import re
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
@@ -102,7 +103,7 @@ def _head(path: Path) -> tuple[list[str], str]:
     return re.split(r"\r\n|\n|\r", text), encoding
 
 
-def read_text_table(path: Path, rows: int | None = None) -> Table:
+def read_text_table(path: Path, rows: int | None = None, names: Sequence[str] = ()) -> Table:
     """A table of text, also packed.
 
     Parameters
@@ -111,6 +112,8 @@ def read_text_table(path: Path, rows: int | None = None) -> Table:
         The file; lines that begin with `#` or `%` are comments.
     rows : int, optional
         Rows that are read; all by default.
+    names : sequence of str, optional
+        Names of the columns of a table without names.
 
     Raises
     ------
@@ -119,7 +122,7 @@ def read_text_table(path: Path, rows: int | None = None) -> Table:
         cannot be read, for a caller within `reading`.
     """
     lines, encoding = _head(path)
-    layout = find_layout(lines)
+    layout = find_layout(lines, names)
     with open_unpacked(path) as file, warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always", pd.errors.ParserWarning)
         frame: Any = pd.read_csv(
@@ -132,11 +135,11 @@ def read_text_table(path: Path, rows: int | None = None) -> Table:
     # a column without a name is used by nobody
     if not all(layout.names):
         frame = frame.loc[:, [bool(name) for name in layout.names]]
-    names = numbered(layout.names)
-    frame.columns = [name for name in names if name]
+    unique = numbered(layout.names)
+    frame.columns = [name for name in unique if name]
     table = Table.of_frame(frame, layout.decimal)
     table.units = layout.units
-    _leave_out_doubled(table, dict(zip(names, layout.names, strict=True)))
+    _leave_out_doubled(table, dict(zip(unique, layout.names, strict=True)))
     long = re.findall(r"Skipping line (\d+): expected", "".join(str(w.message) for w in told))
     if long:
         table.remarks.append(
