@@ -83,6 +83,9 @@ class NewRig:
         lines = [
             "# Change every number to that of your robot; docs/rig_file.md explains the keys.",
             "# Units: SI; pressures gauge unless named absolute.",
+            "# Numbers that you did not state are usual values, and not those of your robot. Delete",
+            "# the line of an inertia, friction, volume or valve number that you do not know:",
+            f"# {PROGRAM} demo commission and {PROGRAM} gap calibrate find them.",
             f"# Check it with: {PROGRAM} driver check-rig THIS_FILE",
             "/**:",
             "  ros__parameters:",
@@ -145,13 +148,13 @@ class NewRig:
         return [
             *self.braid.section(muscle).splitlines(),
             f"      neutral_length: {self.neutral_length:<13.6g} # m, at joint position 0",
-            "      dead_volume: 2.0e-05          # m^3, fittings and tube",
+            "      dead_volume: 2.0e-05          # m^3, fittings and tube; a usual value",
             f"      max_pressure: {self.max_pressure:<15.1f} # Pa gauge, the driver vents above it",
             f"      board: {board}",
             f"      channel: {channel}",
             "      valve:",
             f"        kind: {self.valve}",
             f"        sonic_conductance: {self.sonic_conductance:.2e} # m^3/(s Pa), fully open",
-            "        critical_ratio: 0.3         # -, ISO 6358 b; from the valve's data sheet",
-            "        time_constant: 0.005        # s",
+            "        critical_ratio: 0.3         # -, ISO 6358 b; a usual value",
+            "        time_constant: 0.005        # s; a usual value",
         ]
