@@ -21,6 +21,7 @@ from pam_gap.calibration.calibration import (
     Calibration,
     calibrate_joint,
     one_valve_reversed,
+    rounded,
 )
 from pam_gap.calibration.calibration_rules import DEFAULT
 from pam_gap.calibration.free_numbers import (
@@ -278,6 +279,13 @@ def test_a_calibrated_rig_file_says_how_well_its_numbers_are_known(rig: Rig) -> 
     assert found.length_tolerance == pytest.approx(0.01)
     wide = as_known(rig, [number("elbow.inertia", BODY, 1.9)], Said(0.3, 0.05))
     assert wide.parameter_tolerance == pytest.approx(0.3)
+
+
+def test_a_number_has_no_more_digits_than_its_interval_supports() -> None:
+    assert rounded(5.1220951314342984e-09, 4.77e-09, 5.5e-09) == 5.1221e-09
+    assert rounded(-2.377e-06, -0.0167, 0.0166) == 0.0
+    assert rounded(745812.34567, 722000.0, 746000.0) == 745810.0
+    assert rounded(0.3, 0.3, 0.3) == 0.3
 
 
 @pytest.mark.filterwarnings("error")

@@ -7,8 +7,10 @@ narrowed stays as it is written.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Final
 
 import numpy as np
 
@@ -53,6 +55,8 @@ from pam_model.rig.partial import PartialRig
 
 NO_COMMANDS = f"{GAS}, which needs the commands"
 """The stage of numbers that were not sought, because the log has no commands."""
+FINE: Final = 3
+"""Digits of a number behind the first one of the width of its interval."""
 DETERMINED, RELATIVE, NARROWED, KEPT = "determined", "relative", "narrowed", "kept"
 
 
@@ -255,7 +259,7 @@ def conclusion(
                 one.unit,
                 one.stage,
                 one.written,
-                value,
+                value if status == KEPT else rounded(value, *ends),
                 *ends,
                 status,
                 relative,
@@ -263,6 +267,14 @@ def conclusion(
             )
         )
     return tuple(found), Posterior(tuple(numbers), values[:count], covariance[:count, :count])
+
+
+def rounded(value: float, low: float, high: float) -> float:
+    """A number without the digits that its interval does not support."""
+    width = high - low
+    if not (math.isfinite(width) and width > 0.0):
+        return value
+    return round(value, FINE - math.floor(math.log10(width)))
 
 
 def not_sought(

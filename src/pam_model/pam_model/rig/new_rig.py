@@ -83,7 +83,7 @@ class NewRig:
         lines = [
             "# Change every number to that of your robot; docs/rig_file.md explains the keys.",
             "# Units: SI; pressures gauge unless named absolute.",
-            "# Numbers that you did not state are usual values, and not those of your robot. Delete",
+            "# Numbers that you did not state are usual values, not those of your robot. Delete",
             "# the line of an inertia, friction, volume or valve number that you do not know:",
             f"# {PROGRAM} demo commission and {PROGRAM} gap calibrate find them.",
             f"# Check it with: {PROGRAM} driver check-rig THIS_FILE",
