@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from pam_driver.boards.protocol import Address, Board, DescribesItself, NamesInvalidValues
 from pam_driver.boards.weaker_promises import weaker_promises
@@ -18,6 +18,9 @@ from pam_model.robot import Robot, compose
 from pam_model.views.pull_over_travel import refuse_slack_muscles
 from pam_model.views.torque_range import first_angle_not_held
 from pam_ros.foreign_text import shown
+
+GAUGE_ERROR: Final = 0.01
+"""Of a written supply, relative: that of a gauge of class 1."""
 
 
 class Wire(NamedTuple):
@@ -96,8 +99,7 @@ def check_rig(rig: Rig, only: Bus, rate: float, dbc: str = "") -> RigCheck:
 
 def _overfilled(rig: Rig) -> Iterator[str]:
     supply = rig.supply_gauge_pressure
-    known = supply / (1.0 + rig.parameter_tolerance)  # the written supply is not exact
-    weaker = [muscle for muscle in rig.muscles if muscle.max_pressure < known]
+    weaker = [m for m in rig.muscles if m.max_pressure * (1.0 + GAUGE_ERROR) < supply]
     if weaker:
         least = min(muscle.max_pressure for muscle in weaker)
         yield (
