@@ -37,7 +37,7 @@ _BODY = """
 <p class="quiet">Pressure, speed and range are shares of the limits: as measured, and in brackets as
 foreseen for the least favourable robot that the numbers permitted then.</p>{% endif %}
 {% if rows %}<h2>Numbers</h2>
-{{ table(['number', '#as written', '#now', '#90 % interval', '#if the torque per pressure is right',
+{{ table(['number', '#as written', '#now', '#90 % interval', '#as a ratio',
 'unit', 'what the motions say'], rows) }}
 <p class="quiet">Pressures and angles fix ratios: inertia, gravity, conductances and volumes all
 grow with the pull of the muscles. The second interval is that of such a ratio. How the joint moves

@@ -20,7 +20,7 @@ _BODY = """
 <div class="verdict" style="--verdict: {{ '#c2410c' if refused else '#00798c' }}">
 <b>{{ 'No rig file' if refused else 'Calibrated' }}</b>{{ summary }}</div>
 {% if rows %}<h2>Numbers</h2>
-{{ table(['number', '#as written', '#now', '#90 % interval', '#if the torque per pressure is right',
+{{ table(['number', '#as written', '#now', '#90 % interval', '#as a ratio',
 'unit', 'stage', 'what this log says'], rows) }}
 <p class="quiet">A log of pressures and angles fixes ratios: inertia, gravity, conductance and
 volumes all grow with the pull of the muscles. The second interval holds if the torque per
