@@ -120,7 +120,7 @@ def _weak_supply(rig: Rig) -> Iterator[str]:
             ("max_pressure", muscle.max_pressure),
             ("valve.full_scale", muscle.valve.full_scale),
         )
-        if value is not None and supply + 1.0 < value <= rig.supply_pressure
+        if value is not None and supply * (1.0 + GAUGE_ERROR) < value <= rig.supply_pressure
     ]
     if beyond:
         yield (
