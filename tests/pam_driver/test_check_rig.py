@@ -123,7 +123,8 @@ def test_a_supply_above_the_largest_pressure_is_a_caution(
     shown = capsys.readouterr().out
     assert "CAUTION: the supply of 600000 Pa gauge is above the max_pressure of elbow_ext" in shown
     assert "(from 400000 Pa)" in shown
-    for over, said in ((0.95, 1), (0.995, 0), (1.005, 0), (1.05, 1)):  # an identified supply differs by a hair
+    # an identified supply differs by a hair
+    for over, said in ((0.95, 1), (0.995, 0), (1.005, 0), (1.05, 1)):
         near = replace(rig, supply_pressure=rig.gas.ambient_pressure + over * 6e5)
         near = replace(near, parameter_tolerance=0.3)  # that of a rough file excuses nothing
         assert len(check_rig(near, Bus(), 500.0).cautions) == said
