@@ -286,6 +286,7 @@ def test_a_number_has_no_more_digits_than_its_interval_supports() -> None:
     assert rounded(-2.377e-06, -0.0167, 0.0166) == 0.0
     assert rounded(745812.34567, 722000.0, 746000.0) == 745810.0
     assert rounded(0.3, 0.3, 0.3) == 0.3
+    assert rounded(4.0321e-08, 1e-08, 6e-04) == 4.032e-08  # no volume becomes 0
 
 
 @pytest.mark.filterwarnings("error")

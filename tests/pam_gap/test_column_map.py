@@ -256,5 +256,5 @@ def test_a_bag_of_other_topics_is_mapped_with_its_own_stamps(tmp_path: Path, kin
     with pytest.raises(RecordingError, match=r"no column '/arm/bar\.data\.7'"):
         import_recording(bag, column_map=load_column_map(tmp_path / "map.yaml"))
     (tmp_path / "map.yaml").write_text(f"rate: 5\nchannels: {{{FLEXOR}: /arm/bar.data.0}}")
-    with pytest.raises(RecordingError, match=r"`time` and `rate` are for tables"):
+    with pytest.raises(RecordingError, match=r"`names`, `time` and `rate` are for tables"):
         import_recording(bag, column_map=load_column_map(tmp_path / "map.yaml"))

@@ -342,7 +342,7 @@ def _of_folder(folder: Path, seed: int) -> list[dict[str, Any]]:
 
 
 def run(given: Arguments) -> Outcome:
-    """Draw, calibrate, diagnose and count; the command of `pam_check.commands.blind`.
+    """Draw, calibrate, diagnose and count; the command of `pam_check.commands.calibration`.
 
     Each muscle has random draws of its own, so that several processes can share a campaign.
     """

@@ -20,6 +20,7 @@ import numpy as np
 
 from pam_check.calibration.campaign import TOLERANCES
 from pam_check.calibration.commission_campaign import (
+    MOST_SECONDS,
     RATIO,
     TESTS,
     drawn_with_file,
@@ -40,7 +41,6 @@ from pam_model.rig import Encoder, Rig, save_rig
 from pam_model.rig.partial import PartialRig
 
 RATE: Final = 250.0  # Hz, of the commands: the one that `pam demo commission` has by default
-MOST_SECONDS: Final = 600.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 
-from pam_check.commands.common_arguments import add_seed
 from pam_model.argument_types import count, input_path, number
 from pam_model.command_line import Arguments, Command, Outcome, Parser
 from pam_model.common_options import add_out
@@ -127,32 +126,6 @@ def _decide_again(given: Arguments) -> Outcome:
     return run(given)
 
 
-def _declare_bench(parser: Parser) -> None:
-    parser.add_argument(
-        "--rigs",
-        type=count(),
-        default=24,
-        metavar="N",
-        help="number of muscles (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--first",
-        type=count(0),
-        default=0,
-        metavar="K",
-        help="number of the first one, to make a campaign in parts: the figures are of all muscles "
-        "of the seed whose results are in the folder (default: %(default)s)",
-    )
-    add_seed(parser, 1)
-    add_out(parser, "out/bench_diagnosis")
-
-
-def _bench(given: Arguments) -> Outcome:
-    from pam_check.calibration.bench_diagnoses import run  # noqa: PLC0415  (scipy, numba)
-
-    return run(given)
-
-
 def _declare_calibrate_statement(parser: Parser) -> None:
     parser.add_argument(
         "folders", type=input_path, nargs="+", help="--out folders of `blind --keep-evidence`"
@@ -197,13 +170,5 @@ COMMANDS = (
         _declare_calibrate_statement,
         _calibrate_statement,
         examples=("pam check calibrate-statement out/blind",),
-    ),
-    Command(
-        "bench-diagnosis",
-        "calibrate and diagnose drawn muscles on a bench: moved, held, with weight or spring",
-        _declare_bench,
-        _bench,
-        examples=("pam check bench-diagnosis --rigs 8 --seed 1",),
-        bad_news="if more than one muscle in twelve is wrong",
     ),
 )

@@ -10,7 +10,7 @@ from pam_model.command_line import Arguments, Command, Outcome, Parser
 from pam_model.common_options import add_out
 
 FIRST = "number of the first one, to make a campaign in parts"
-OF_THE_FOLDER = f"{FIRST}: the figures are of all rigs of the seed whose results are in the folder"
+OF_THE_FOLDER = f"{FIRST}: the figures are of all of the seed whose results are in the folder"
 
 
 def _declare(rigs: int, out: str, first: str = FIRST) -> Callable[[Parser], None]:
@@ -19,7 +19,7 @@ def _declare(rigs: int, out: str, first: str = FIRST) -> Callable[[Parser], None
     def declare(parser: Parser) -> None:
         parser.add_argument(
             "--rigs", type=count(), default=rigs, metavar="N",
-            help="number of rigs (default: %(default)s)",
+            help="how many are drawn (default: %(default)s)",
         )  # fmt: skip
         if first:
             parser.add_argument(
@@ -34,6 +34,12 @@ def _declare(rigs: int, out: str, first: str = FIRST) -> Callable[[Parser], None
 
 def _run(given: Arguments) -> Outcome:
     from pam_check.calibration.campaign import run  # noqa: PLC0415  (scipy, numba)
+
+    return run(given)
+
+
+def _run_bench(given: Arguments) -> Outcome:
+    from pam_check.calibration.bench_diagnoses import run  # noqa: PLC0415  (scipy, numba)
 
     return run(given)
 
@@ -65,6 +71,14 @@ COMMANDS = (
         _run,
         bad_news="if numbers are off, intervals do not hold, or an exchange is not told",
         examples=("pam check calibrate --rigs 12 --seed 7",),
+    ),
+    Command(
+        "bench-diagnosis",
+        "calibrate and diagnose drawn muscles on a bench: moved, held, with weight or spring",
+        _declare(24, "out/bench_diagnosis", OF_THE_FOLDER),
+        _run_bench,
+        examples=("pam check bench-diagnosis --rigs 8 --seed 1",),
+        bad_news="if more than one muscle in twelve is wrong",
     ),
     Command(
         "commission",

@@ -56,7 +56,7 @@ from pam_model.rig.partial import PartialRig
 NO_COMMANDS = f"{GAS}, which needs the commands"
 """The stage of numbers that were not sought, because the log has no commands."""
 FINE: Final = 3
-"""Digits of a number behind the first one of the width of its interval."""
+"""Digits of a number behind the first one of the width of its interval, or of itself."""
 DETERMINED, RELATIVE, NARROWED, KEPT = "determined", "relative", "narrowed", "kept"
 
 
@@ -271,10 +271,12 @@ def conclusion(
 
 def rounded(value: float, low: float, high: float) -> float:
     """A number without the digits that its interval does not support."""
-    width = high - low
-    if not (math.isfinite(width) and width > 0.0):
+    size = high - low
+    if low > 0.0 or high < 0.0:  # a wide interval of a small number leaves it its digits
+        size = min(size, abs(value))
+    if not (math.isfinite(size) and size > 0.0):
         return value
-    return round(value, FINE - math.floor(math.log10(width)))
+    return round(value, FINE - math.floor(math.log10(size)))
 
 
 def not_sought(

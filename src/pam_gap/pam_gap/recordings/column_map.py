@@ -157,9 +157,10 @@ class ColumnMap:
         RecordingError
             When a column is missing, the map states a time, or stamps differ.
         """
-        if self.time is not None or self.rate:
+        if self.time is not None or self.rate or self.names:
             raise RecordingError(
-                f"{self.source}: `time` and `rate` are for tables; {path} has stamps"
+                f"{self.source}: `names`, `time` and `rate` are for tables; {path} has names and "
+                "stamps"
             )
         self._refuse_missing(path, columns)
         result = {}

@@ -114,7 +114,10 @@ class PamBoardKind:
 
 def number_of(wired: WiredBoard) -> int:
     """The number of a board that `problems` has checked."""
-    return int(_number(wired))  # type: ignore[call-overload,no-any-return]
+    number = _number(wired)
+    if not isinstance(number, int):
+        raise TypeError(f"{wired.name}: no number, although its problems were looked for")
+    return number
 
 
 def _number(wired: WiredBoard) -> object:
