@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import os
-import random
 import socket
 import subprocess
 import time
@@ -18,6 +17,7 @@ import msgpack
 import pytest
 from can.interfaces.udp_multicast import UdpMulticastBus
 
+from pam_demo.chain import free_udp_port
 from pam_driver.can_bus import bus as bus_module
 from pam_driver.can_bus import bus_opening
 from pam_driver.can_bus.bus import BusState, CanPort, ReceivedFrame, SendOutcome, open_bus
@@ -57,7 +57,7 @@ def make_port(request: pytest.FixtureRequest) -> Iterator[Maker]:
     """Opens another end of one bus of each kind."""
     options: dict[str, Any] = {
         "virtual": {"channel": uuid.uuid4().hex},
-        "udp_multicast": {"channel": "239.74.163.9", "port": random.randint(20_000, 60_000)},
+        "udp_multicast": {"channel": "239.74.163.9", "port": free_udp_port()},
         "socketcan": {"channel": VCAN},
     }[request.param]
     opened = []
@@ -347,7 +347,7 @@ def meaning(frame: ReceivedFrame | can.Message | None) -> object:
 @pytest.mark.parametrize("change", UNUSUAL, ids=str)
 def test_every_packet_means_what_it_means_to_python_can(change: dict[str, object]) -> None:
     """The reader of multicast frames is faster, and neither kinder nor stricter."""
-    number = random.randint(20_000, 60_000)
+    number = free_udp_port()
     bus = can.Bus(interface="udp_multicast", channel="239.74.163.9", port=number, hop_limit=0)
     reader = multicast_socket(bus)
     if reader is None:
@@ -373,7 +373,7 @@ def test_every_packet_means_what_it_means_to_python_can(change: dict[str, object
 @pytest.mark.system
 @pytest.mark.parametrize("frame_id", [0x101, 0x12345 | EXTENDED])
 def test_what_is_sent_is_a_frame_of_python_can(frame_id: int) -> None:
-    number = random.randint(20_000, 60_000)
+    number = free_udp_port()
     bus = can.Bus(interface="udp_multicast", channel="239.74.163.9", port=number, hop_limit=0)
     port = open_bus("udp_multicast", "239.74.163.9", port=number)
     assert port.send(frame_id, b"\1\2\3", 0.0) is SendOutcome.SENT
@@ -389,7 +389,7 @@ def test_what_is_sent_is_a_frame_of_python_can(frame_id: int) -> None:
 
 @pytest.mark.system
 def test_a_packet_that_is_no_frame_is_counted() -> None:
-    number = random.randint(20_000, 60_000)
+    number = free_udp_port()
     port = open_bus("udp_multicast", "239.74.163.9", port=number)
     sender = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     sender.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, 0)
@@ -416,7 +416,7 @@ def test_multicast_never_leaves_the_machine(monkeypatch: pytest.MonkeyPatch) -> 
     "groups", [("239.74.163.7", "239.74.163.8"), ("ff15::7a63:7", "ff15::7a63:8")]
 )
 def test_two_multicast_groups_on_one_port_do_not_hear_each_other(groups: tuple[str, str]) -> None:
-    number = random.randint(20_000, 60_000)
+    number = free_udp_port()
     try:
         ours, theirs = (open_bus("udp_multicast", group, port=number) for group in groups)
     except BusError as error:
@@ -436,7 +436,7 @@ def test_two_multicast_groups_on_one_port_do_not_hear_each_other(groups: tuple[s
 
 @pytest.mark.system
 def test_what_another_group_sent_while_the_bus_was_opened_is_discarded() -> None:
-    number = random.randint(20_000, 60_000)
+    number = free_udp_port()
     other = open_bus("udp_multicast", "239.74.163.8", port=number)
     late = can.Bus(interface="udp_multicast", channel="239.74.163.7", port=number, hop_limit=0)
     other.send(0x100, b"early", 0.0)
