@@ -69,7 +69,7 @@ def test_two_that_explain_alike_are_both_told() -> None:
 
 def test_the_more_probable_cause_comes_first_though_its_set_is_less_probable() -> None:
     """Leakage alone explains a little more than creep alone; with a second cause, creep does."""
-    both = score(("creep", "hysteresis"), 0.7)
+    both = score(("creep", "hysteresis"), 0.65)
     found = decide(evidence(9.0, score(("creep",), 1.02), score(("leakage",), 1.0), both), DEFAULT)
     causes = dict(found.candidates)
     assert found.probabilities["leakage"] > found.probabilities["creep"]

@@ -4,7 +4,7 @@ The likelihood of a hypothesis is that of the errors which it leaves on held-out
 of a channel is unknown: it scatters about that of noise, an ordinary background and the error of
 the laws. This is integrated in closed form (Student's t; Gelman et al., Bayesian Data Analysis, 3rd
 ed., chapter 3); what all channels of a rig share, the size of its background, is integrated by
-quadrature, and a law with several forms may be the right one or another.
+quadrature, and a law with several forms may be the right one or err by more or less.
 Held-out data take the place of the size priors in an evidence (Fong and Holmes, On the marginal
 likelihood and cross-validation, Biometrika 107, 2020). A cause outside the table is a discrepancy
 that no member spans (Kennedy and O'Hagan, J. R. Statist. Soc. B 63, 2001).
@@ -36,6 +36,8 @@ SEVERAL = frozenset(name for name, effect in EFFECTS.items() if not effect.searc
 _SIZES = np.linspace(-3.0, 3.0, 17)
 """Sizes of a background, in standard deviations of its logarithm; close enough for any spread."""
 _SIZE_WEIGHTS = np.exp(-0.5 * _SIZES**2) / np.exp(-0.5 * _SIZES**2).sum()
+LAW_ERRORS = 6
+"""Errors of a law over which is summed; close enough for one decade and a half."""
 UNKNOWN_SIZES = 25
 """Sizes of a cause outside the table over which is summed."""
 DIVERGED = 1e12
@@ -85,16 +87,14 @@ def log_likelihood(
         The statement.
     """
     usual = _backgrounds(noise, background, statement)[:, None, :]
-
-    def of(error: float) -> Array:
-        density = _log_density(left, usual + error**2 * change, statement).sum(axis=-1)
-        found: Array = logsumexp(density, axis=0, b=_SIZE_WEIGHTS[:, None])
-        return found
-
-    sharp, several = of(statement.sharp_law_error), of(statement.law_error)
+    errors = np.geomspace(statement.sharp_law_error, statement.law_error, LAW_ERRORS)
+    variance = usual + (errors**2)[:, None, None, None] * change
+    density = _log_density(left, variance, statement).sum(axis=-1)
+    known: Array = logsumexp(density, axis=1, b=_SIZE_WEIGHTS[:, None])
+    several = logsumexp(known, axis=0) - log(LAW_ERRORS)
     right = statement.right_law
-    mixed = np.logaddexp(sharp + log(right), several + log(1.0 - right))
-    return np.where(is_sharp, sharp, mixed)
+    mixed = np.logaddexp(known[0] + log(right), several + log(1.0 - right))
+    return np.where(is_sharp, known[0], mixed)
 
 
 def log_likelihood_of_unknown(
@@ -164,12 +164,13 @@ def _beyond_simpler_laws(scores: Sequence[Score], likelihood: Array) -> Array:
 def _beliefs(evidence: Evidence[Any], rules: Rules) -> tuple[dict[str, float], dict[str, float]]:
     """Log of prior times likelihood of each set of causes, and of each kind of cause outside.
 
-    Of several hypotheses with the same causes, the likeliest counts. The first cause outside, with
+    An error that is too small to matter is ordinary on every rig. Of several hypotheses with the same causes, the likeliest counts. The first cause outside, with
     an empty name, is any cause at all.
     """
     statement = rules.statement
     present = evidence.present
-    noise, background = evidence.floor[present], evidence.background[present]
+    noise, least = evidence.floor[present], rules.decision.material_share**2 * evidence.motion
+    background = np.maximum(evidence.background, least)[present]
     scores = [evidence.nominal, *evidence.finalists, *evidence.unlisted]
     if evidence.flexible is not None:
         scores.append(evidence.flexible)

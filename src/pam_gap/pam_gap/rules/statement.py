@@ -37,16 +37,17 @@ class Statement:
         the whole recording is fitted a little by every number, on held-out data as well.
     sharp_law_error, law_error : float
         RMS error of the laws of the causes, as a share of the RMS change that they make: of laws
-        with one form only (a delay; `is_sharp` in the file of each effect), and of laws with
-        several forms in the literature (a bladder).
+        with one form only (a delay; `is_sharp` in the file of each effect), and the largest one of
+        laws with several forms in the literature (a bladder). All errors between these two are
+        equally probable on a logarithmic scale.
     right_law : float
         Probability that a law with several forms is the true one; it errs as little as a law with
         one form only then.
     flexible_price : float
         What a flexible law of the recorded signals takes off its log likelihood for each channel,
         which has a regression of its own. It has no physics and stands for a cause outside the
-        table that follows a law of its own; its many numbers are priced together, and it is wrong
-        by `law_error` as the laws of the table are.
+        table that follows a law of its own; its many numbers are priced together, and it errs as
+        laws with several forms do.
     least_unknown, largest_unknown : float
         RMS change that a cause outside the table makes of each channel, in multiples of what an
         ordinary background leaves: all sizes between these two are equally probable on a
@@ -69,7 +70,7 @@ class Statement:
     sharp_law_error: float = 0.02
     law_error: float = 0.55
     right_law: float = 0.15
-    flexible_price: float = 1.0
+    flexible_price: float = 1.2
     least_unknown: float = 0.2
     largest_unknown: float = 300.0
     false_name: float = 1.0
