@@ -94,7 +94,8 @@ def log_likelihood(
     several = logsumexp(known, axis=0) - log(LAW_ERRORS)
     right = statement.right_law
     mixed = np.logaddexp(known[0] + log(right), several + log(1.0 - right))
-    return np.where(is_sharp, known[0], mixed)
+    found: Array = np.where(is_sharp, known[0], mixed)
+    return found
 
 
 def log_likelihood_of_unknown(
@@ -164,8 +165,9 @@ def _beyond_simpler_laws(scores: Sequence[Score], likelihood: Array) -> Array:
 def _beliefs(evidence: Evidence[Any], rules: Rules) -> tuple[dict[str, float], dict[str, float]]:
     """Log of prior times likelihood of each set of causes, and of each kind of cause outside.
 
-    An error that is too small to matter is ordinary on every rig. Of several hypotheses with the same causes, the likeliest counts. The first cause outside, with
-    an empty name, is any cause at all.
+    An error that is too small to matter is ordinary on every rig. Of several hypotheses with the
+    same causes, the likeliest counts. The first cause outside, with an empty name, is any cause at
+    all.
     """
     statement = rules.statement
     present = evidence.present
