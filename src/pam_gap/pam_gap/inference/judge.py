@@ -68,13 +68,14 @@ class Judge:
         return bool((score.mean_square - self.floor > limit)[self.present].any())
 
     def largest_gap(self, score: Score) -> float:
-        """RMS error above the floor where it matters most, as a share of the motion there.
+        """Mean square above the floor where it matters most, over that of the motion there.
 
-        A channel that does not move has no share; its error counts as it is.
+        Errors of causes that have nothing to do with each other add up in it. A channel that does
+        not move has no such share; its error counts as it is.
         """
         motion = np.where(self.motion > 0.0, self.motion, 1.0)[self.present]
         above = np.maximum((score.mean_square - self.floor)[self.present], 0.0)
-        return float(np.sqrt(np.max(above / motion)))
+        return float(np.max(above / motion))
 
     def background_share(self, scores: Sequence[Score], background: Array) -> float:
         """Share of a background that counts, from what the best hypothesis leaves of it.

@@ -208,8 +208,8 @@ def _beliefs(evidence: Evidence[Any], rules: Rules) -> tuple[dict[str, float], d
 def _leaves_most(evidence: Evidence[Any], rules: Rules, name: str) -> bool:
     """Whether all hypotheses with these causes leave most of a gap, and as much as matters.
 
-    The gap is the error where it matters most: a late encoder has a gap at the joint, however much
-    an unusual background leaves at the pressures.
+    The gap is the mean squared error where it matters most: a late encoder has a gap at the joint,
+    however much an unusual background leaves at the pressures.
     """
     tried = evidence.finalists
     judge = judge_of(evidence, rules)
