@@ -74,6 +74,7 @@ NO_RULES = {
     "SWITCH_INTERVAL": "time, which changes no result",
     "K_LAG_SHARES": "layout",
     "UNKNOWN_SIZES": "accuracy of a sum",
+    "LAW_ERRORS": "accuracy of a sum",
     "LEAST_KEPT": "accuracy of a sum",
     "CONSIDERED": "work for an answer: less probable sets of causes cannot be in it",
     "MOST_ALTERNATIVES": "of an answer that people read",

@@ -165,13 +165,14 @@ def _beyond_simpler_laws(scores: Sequence[Score], likelihood: Array) -> Array:
 def _beliefs(evidence: Evidence[Any], rules: Rules) -> tuple[dict[str, float], dict[str, float]]:
     """Log of prior times likelihood of each set of causes, and of each kind of cause outside.
 
-    An error that is too small to matter is ordinary on every rig. Of several hypotheses with the
-    same causes, the likeliest counts. The first cause outside, with an empty name, is any cause at
+    A part of an error that matters is ordinary on every rig. Of several hypotheses with the same
+    causes, the likeliest counts. The first cause outside, with an empty name, is any cause at
     all.
     """
     statement = rules.statement
     present = evidence.present
-    noise, least = evidence.floor[present], rules.decision.material_share**2 * evidence.motion
+    noise = evidence.floor[present]
+    least = (statement.least_background * rules.decision.material_share) ** 2 * evidence.motion
     background = np.maximum(evidence.background, least)[present]
     scores = [evidence.nominal, *evidence.finalists, *evidence.unlisted]
     if evidence.flexible is not None:

@@ -25,6 +25,9 @@ class Statement:
     background_spread : float
         Standard deviation of the logarithm of the mean squared error that an ordinary background
         leaves, common to all channels of a rig, about the one that `discrepancy` predicts.
+    least_background : float
+        RMS error that is ordinary on every rig, also on one without a background, as a share of the
+        error that matters (`material_share` of the motion): no model is better. Set by hand.
     channel_freedom : float
         Degrees of freedom with which the background of one channel scatters about that (a scaled
         inverse chi-squared distribution): small numbers have heavy tails.
@@ -64,6 +67,7 @@ class Statement:
     outside: float = 0.2
     hidden: float = 0.08
     background_spread: float = 0.8
+    least_background: float = 0.5
     channel_freedom: float = 17.0
     independent_errors: float = 4.2
     number_price: float = 0.4
