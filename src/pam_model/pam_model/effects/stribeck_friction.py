@@ -38,10 +38,16 @@ def stribeck_curve(
 
 
 def starts_from_coulomb(known: Mapping[str, float]) -> tuple[Mapping[str, float], ...]:
-    """Similar torque, the same presliding, more static friction, a low and a high speed."""
+    """Similar torque, the same presliding, more static friction, a low and a high speed.
+
+    A joint that jumps (static friction of three times the kinetic one) is not found from a mild
+    law, as its jumps come at other times.
+    """
+    mild, low = (1.4, 0.9), START_SPEEDS[0]
+    shares = (*((*mild, speed) for speed in START_SPEEDS), (2.0, 0.65, low))
     return tuple(
-        {"static_torque": 1.4 * known["torque"], "torque": 0.9 * known["torque"], "speed": speed}
-        for speed in START_SPEEDS
+        {"static_torque": most * known["torque"], "torque": least * known["torque"], "speed": speed}
+        for most, least, speed in shares
     )
 
 
