@@ -72,7 +72,7 @@ NO_RULES = {
     "KNOTS": "accuracy of an interpolation",
     "WORTH": "work for which a kernel is compiled, which changes no result",
     "SWITCH_INTERVAL": "time, which changes no result",
-    "K_LAG_SHARES": "layout",
+    "K_LAST_READING": "layout",
     "UNKNOWN_SIZES": "accuracy of a sum",
     "LAW_ERRORS": "accuracy of a sum",
     "LEAST_KEPT": "accuracy of a sum",

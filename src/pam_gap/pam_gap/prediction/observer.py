@@ -61,6 +61,7 @@ from pam_model.plant.sensors import (
     K_LAG,
     K_OFFSET,
     N_MUSCLE_SENSORS,
+    lag_weights,
     sensors_of,
 )
 
@@ -79,9 +80,11 @@ MOST_LATE = 0.3
 The correction is (2 w s + w^2)/s^2 with bandwidth w; its gain is 1 at 2.06 w, where its phase
 margin is 76 deg. A delay of 0.64/w uses this up.
 """
-# After the sensors' constants: the share of its error that a lagging pressure sensor loses in one
-# sample, for both muscles.
-K_LAG_SHARES = sensors_of(len(SIDES))
+# After the sensors' constants: the weights with which the reading and the pressure of the last
+# sample remain in the reading of a lagging sensor (`lag_weights`), for both muscles. In `shown`,
+# too, both pressures follow both readings.
+K_LAST_READING = sensors_of(len(SIDES))
+K_LAST_PRESSURE = K_LAST_READING + len(SIDES)
 
 
 @compiled
@@ -116,8 +119,10 @@ def start_sample(
             y[o + S_PRESSURE] = gauge + c[C_AMBIENT]
             y[o + S_VALVE_PRESSURE] = gauge + c[C_AMBIENT]
     if anew:
-        shown[0] = y[Y_MUSCLES + S_PRESSURE] - c[C_AMBIENT]
-        shown[1] = y[Y_MUSCLES + N_MUSCLE_STATES + S_PRESSURE] - c[C_AMBIENT]
+        for i in range(2):
+            gauge = y[Y_MUSCLES + i * N_MUSCLE_STATES + S_PRESSURE] - c[C_AMBIENT]
+            shown[i] = gauge
+            shown[2 + i] = gauge
 
 
 @compiled
@@ -138,18 +143,18 @@ def correct_pressures(
         s = i * N_MUSCLE_SENSORS
         channel = AGONIST_PRESSURE + i
         has_tube = c[C_MUSCLES + i * N_MUSCLE_CONSTANTS + M_TUBE] > 0.0
-        gain, lag = sensors[s + K_GAIN], sensors[s + K_LAG]
+        gain = sensors[s + K_GAIN]
         inside, at_valve = y[o + S_PRESSURE], y[o + S_VALVE_PRESSURE]
         true = (at_valve if has_tube else inside) - c[C_AMBIENT]
-        seen = shown[i] if lag > 0.0 else true
+        seen = true + sensors[K_LAST_READING + i] * (shown[i] - true)
+        seen += sensors[K_LAST_PRESSURE + i] * (shown[2 + i] - true)
         error = measured[k, channel] - pressure_reading(seen, gain, sensors[s + K_BIAS])
         total[channel] += error if known[k, channel] else np.nan
         correction = fade * error / gain if known[k, channel] else 0.0
         y[o + S_PRESSURE] = inside + correction
         y[o + S_VALVE_PRESSURE] = at_valve + (correction if has_tube else 0.0)
-        if lag > 0.0:
-            late, now = seen + correction, true + correction
-            shown[i] = late + sensors[K_LAG_SHARES + i] * (now - late)
+        shown[i] = seen + correction
+        shown[2 + i] = true + correction
 
 
 @compiled
@@ -372,7 +377,8 @@ def observe(
     gains[CATCH_SPEED] = caught**2 * sample_time
     gains[CATCH_TIME] = catch_time
     lags = sensors[:, [K_LAG, N_MUSCLE_SENSORS + K_LAG]]
-    with_shares = np.hstack([sensors, -np.expm1(-sample_time / np.maximum(lags, 1e-300))])
+    weights = np.array([[lag_weights(lag, sample_time) for lag in lane] for lane in lags.tolist()])
+    with_weights = np.hstack([sensors, weights[..., 0], weights[..., 1]])
     has_pulls = bool(known[:, BOTH_FORCES].any())
     result = np.empty((lanes, blocks, N_CHANNELS))
     kernel_commands = for_kernel(commands)
@@ -389,7 +395,7 @@ def observe(
         _compiled_observer(group.variant)(
             group.active,
             c,
-            group.side_by_side(with_shares),
+            group.side_by_side(with_weights),
             tables,
             kernel_commands,
             measured,
@@ -407,7 +413,7 @@ def observe(
             for_kernel(np.zeros(2 * width)),
             for_kernel(np.zeros(2 * width)),
             for_kernel(np.zeros(width)),
-            group.side_by_side(shown),
+            group.side_by_side(np.hstack([shown, shown])),
             np.zeros(3),
             block,
             has_pulls,
