@@ -126,7 +126,7 @@ def _decide_again(given: Arguments) -> Outcome:
     return run(given)
 
 
-def _declare_calibrate_statement(parser: Parser) -> None:
+def _declare_campaigns(parser: Parser) -> None:
     parser.add_argument(
         "folders", type=input_path, nargs="+", help="--out folders of `blind --keep-evidence`"
     )
@@ -134,6 +134,12 @@ def _declare_calibrate_statement(parser: Parser) -> None:
 
 def _calibrate_statement(given: Arguments) -> Outcome:
     from pam_check.blind.calibrate_statement import run  # noqa: PLC0415  (scipy, numba)
+
+    return run(given)
+
+
+def _learned_belief(given: Arguments) -> Outcome:
+    from pam_check.blind.learned_belief import run  # noqa: PLC0415  (scipy, numba)
 
     return run(given)
 
@@ -167,8 +173,15 @@ COMMANDS = (
     Command(
         "calibrate-statement",
         "find the numbers of the statement of belief that drawn rigs calibrate",
-        _declare_calibrate_statement,
+        _declare_campaigns,
         _calibrate_statement,
         examples=("pam check calibrate-statement out/blind",),
+    ),
+    Command(
+        "learned-belief",
+        "compare the statement of belief with weights that are learned from drawn rigs",
+        _declare_campaigns,
+        _learned_belief,
+        examples=("pam check learned-belief out/blind",),
     ),
 )
