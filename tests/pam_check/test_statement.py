@@ -107,7 +107,7 @@ def test_what_no_law_explains_is_unknown_and_so_is_a_cause_outside_the_table() -
     assert verdict(evidence(9.0, score(("creep",), 4.0), unlisted=(encoder,))) == ("unknown", [])
 
 
-def test_most_of_a_gap_is_most_of_it_where_it_matters() -> None:
+def test_an_unusual_background_elsewhere_is_no_reason_for_unknown() -> None:
     """A late encoder was `unknown` with 0.91: an unusual background stayed at the pressures."""
     late = score(("position_delay",), 1.0)
     late = replace(late, sums=late.sums * [23.0, 23.0, 7.0])
@@ -115,8 +115,6 @@ def test_most_of_a_gap_is_most_of_it_where_it_matters() -> None:
     nominal = replace(kept.nominal, sums=late.counts * 101.0 * np.array([23.0, 23.0, 470.0]))
     kept = replace(kept, nominal=nominal, motion=np.full(CHANNELS, 1e6))
     assert verdict(kept) == ("named", ["position_delay"])
-    pressures = replace(kept, motion=np.array([1e6, 1e6, 1e10]))
-    assert verdict(pressures) == ("unknown", [])
 
 
 def test_a_diverged_hypothesis_is_improbable() -> None:

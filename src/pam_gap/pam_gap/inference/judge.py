@@ -67,16 +67,6 @@ class Judge:
         limit = share**2 * self.motion
         return bool((score.mean_square - self.floor > limit)[self.present].any())
 
-    def largest_gap(self, score: Score) -> float:
-        """Mean square above the floor where it matters most, over that of the motion there.
-
-        Errors of causes that have nothing to do with each other add up in it. A channel that does
-        not move has no such share; its error counts as it is.
-        """
-        motion = np.where(self.motion > 0.0, self.motion, 1.0)[self.present]
-        above = np.maximum((score.mean_square - self.floor)[self.present], 0.0)
-        return float(np.max(above / motion))
-
     def background_share(self, scores: Sequence[Score], background: Array) -> float:
         """Share of a background that counts, from what the best hypothesis leaves of it.
 

@@ -22,7 +22,6 @@ import numpy as np
 
 from pam_gap.inference.candidates import NESTED
 from pam_gap.inference.evidence import Evidence
-from pam_gap.inference.judge import judge_of
 from pam_gap.inference.log_sum_exp import logsumexp
 from pam_gap.inference.probabilities import NONE, UNKNOWN
 from pam_gap.inference.score import Score
@@ -206,30 +205,12 @@ def _beliefs(evidence: Evidence[Any], rules: Rules) -> tuple[dict[str, float], d
     return _with_hidden(sets, statement), beyond
 
 
-def _leaves_most(evidence: Evidence[Any], rules: Rules, name: str) -> bool:
-    """Whether all hypotheses with these causes leave most of a gap, and as much as matters.
-
-    The gap is the mean squared error where it matters most: a late encoder has a gap at the joint,
-    however much an unusual background leaves at the pressures.
-    """
-    tried = evidence.finalists
-    judge = judge_of(evidence, rules)
-    gap = judge.largest_gap(judge.usual(evidence.nominal, tried))
-    same = [score for score in tried if " + ".join(sorted(score.causes)) == name]
-    return bool(same) and all(
-        judge.largest_gap(score) > (1.0 - rules.decision.most_of_the_gap) * gap
-        and judge.is_material(score, unexplained=True)
-        for score in same
-    )
-
-
 def posterior(evidence: Evidence[Any], rules: Rules) -> dict[str, float]:
     """Probability of each explanation, largest first; their names are those of diagnosis.json.
 
     A cause may have a second one beside it that is too small to be seen: it leaves the likelihood
-    as it is. Where the most probable causes leave most of the gap, and as much as matters,
-    something else is there, whether they are present or not: `unknown`. Explanations that are less
-    probable than `LEAST_KEPT` are left out, but neither `none` nor `unknown` is.
+    as it is. Explanations that are less probable than `LEAST_KEPT` are left out, but neither `none`
+    nor `unknown` is.
 
     Parameters
     ----------
@@ -240,9 +221,6 @@ def posterior(evidence: Evidence[Any], rules: Rules) -> dict[str, float]:
     """
     found, beyond = _beliefs(evidence, rules)
     found[UNKNOWN] = float(logsumexp(np.array([*beyond.values()])))
-    first = max(found, key=found.__getitem__)
-    if _leaves_most(evidence, rules, first):
-        found[UNKNOWN] = float(np.logaddexp(found[UNKNOWN], found.pop(first)))
     values = np.array(list(found.values()))
     shares = np.exp(values - logsumexp(values)).tolist()
     ranked = sorted(zip(found, shares, strict=True), key=lambda pair: -pair[1])

@@ -140,13 +140,12 @@ class DecisionRules:
                "the hysteresis of a good rig is named on rigs with a larger background.",
         origin="Re-tuned rigs with nothing hidden left up to 1.8 times the predicted background "
                "on drawn rigs; the measured pair of shut muscles leaves 9 times as much.")
-    most_of_the_gap: float = rule(0.5, unit="of the error",
-        decides="Share of an error that counts as most of it: of the mean square, for an "
-                "explanation that is named; of the RMS, for an effect of ordinary size that is a "
-                "cause all the same, for lengths whose tolerance is not stated, and for an "
+    most_of_the_gap: float = rule(0.5, unit="of the RMS error",
+        decides="Share of an error that counts as most of it: of an effect of ordinary size that "
+                "is a cause all the same, of lengths whose tolerance is not stated, and of an "
                 "explanation at the end of its range that is said besides the named one.",
-        trades="Larger: more verdicts are unknown, and such effects, lengths and explanations are "
-               "passed over. Smaller: causes are named that explain little of the gap.",
+        trades="Larger: such effects, lengths and explanations are passed over. Smaller: those are "
+               "named or said that explain little of the gap.",
         origin="Most of it, by definition.")
     bootstraps: int = decision_rule(500, unit="-",
         decides="Number of bootstrap samples for the intervals.",
