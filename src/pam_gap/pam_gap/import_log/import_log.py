@@ -19,9 +19,11 @@ from pam_gap.diagnose_recordings import (
     subjects_to_diagnose,
     what_is_missing,
 )
+from pam_gap.import_log.channel_score import wanted_channels
 from pam_gap.import_log.column_name import with_another_unit
+from pam_gap.import_log.doubts import doubts
 from pam_gap.import_log.preview_page import Preview, conversion, render
-from pam_gap.import_log.propose_map import Proposed, doubts, map_text, propose, wanted_channels
+from pam_gap.import_log.propose_map import Proposed, map_text, propose
 from pam_gap.prediction.bench_joint import bench_muscles
 from pam_gap.prediction.identifiable import what_is_missing as not_identifiable_for
 from pam_gap.recordings.bag_columns import read_bag_columns
