@@ -137,10 +137,11 @@ def _proposed_map(
     if all(one.channel == "time" for one in proposed):
         raise RecordingError(f"{path}: no column was mapped: {_why_none(table, rig, place)}")
     if not bag and not rate and all(one.channel != "time" for one in proposed):
-        raise RecordingError(
+        why = (
             f"{path}: no column looks like a time ({all_shown(columns)}){_of_text(table)}; state "
             f"--rate [Hz], or name the column in {place} and give it with --map"
         )
+        raise RecordingError("\n".join([why, *(f"{path}: check {text}" for text in doubtful)]))
     return place, [] if ask else doubtful
 
 
@@ -235,7 +236,7 @@ def import_log(
         subjects_to_diagnose(rig, [recording])
     except PamError as error:
         of_text = "" if map_path or recording is None else _of_text(table)
-        problems.append(f"{error}{of_text}")
+        problems += f"{error}{of_text}".splitlines()
     if recording is not None and not problems:
         if not is_rough:
             no_verdict = _no_verdict(rig, recording)

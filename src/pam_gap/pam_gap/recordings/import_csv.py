@@ -26,6 +26,7 @@ from pam_gap.recordings.recording import (
 from pam_gap.recordings.size_limits import Allowance
 from pam_gap.recordings.text_table import Table, read_text_table
 from pam_gap.recordings.unpacked import PACKINGS
+from pam_model.errors import Reasons
 from pam_model.reading import reading
 from pam_ros.foreign_text import all_shown, shown
 
@@ -116,8 +117,13 @@ def read_table(path: Path, column_map: ColumnMap | None = None) -> RawRecording:
     table = read_columns(path, names=column_map.names if column_map else ())
     remarks = list(table.remarks)
     if column_map is not None:
+        reasons = Reasons(RecordingError)
+        with reasons.gathered():
+            column_map.refuse_missing(path, table.columns)
+        with reasons.gathered():
+            _refuse_without_numbers(path, table, column_map)
+        reasons.refuse()
         mapped = column_map.apply(path, table.columns)
-        _refuse_without_numbers(path, table, column_map)
         remarks += [f"{shown(n)}: {_entries(table, n)}" for n in sorted(column_map.columns)
                     if n in table.texts]  # fmt: skip
         time = mapped.pop("time")
@@ -158,7 +164,8 @@ def _without_numbers(table: Table, name: str) -> str:
 
 def _refuse_without_numbers(path: Path, table: Table, column_map: ColumnMap) -> None:
     """Refuse a map that names columns without a number, and say what they hold instead."""
-    empty = [n for n in sorted(column_map.columns) if not np.isfinite(table.columns[n]).any()]
+    named = [name for name in sorted(column_map.columns) if name in table.columns]
+    empty = [name for name in named if not np.isfinite(table.columns[name]).any()]
     if empty:
         told = "; ".join(f"column {shown(n)} {_without_numbers(table, n)}" for n in empty[:3])
         more = f"; {len(empty) - 3} more columns" if len(empty) > 3 else ""
