@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import Final
 
-from pam_gap.import_log.column_name import DERIVED, WORDS, ColumnName, words_of
+from pam_gap.import_log.column_name import DERIVED, WORDS, ColumnName
 from pam_gap.import_log.time_column import KIND
 from pam_gap.prediction.bench_joint import bench_muscles
 from pam_gap.recordings.column_map import unit_of
+from pam_gap.recordings.name_words import words_of
 from pam_gap.recordings.recording import COMMANDS, JOINTS, MUSCLES, PRESSURES, SUPPLY
 from pam_model.rig import Rig
 from pam_model.unit_hints import RECORDED

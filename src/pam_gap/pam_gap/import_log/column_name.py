@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import re
-import unicodedata
 from collections.abc import Mapping
 from typing import Final
 
 import numpy as np
 
+from pam_gap.recordings.name_words import TIME_WORDS, words_of
 from pam_gap.recordings.recording import COMMANDS, PRESSURES, SUPPLY, Array
 from pam_gap.recordings.table_layout import is_absolute, is_pressure_with_zero, unit_spelt
 from pam_model.unit_hints import RECORDED
@@ -16,8 +16,7 @@ from pam_model.unit_hints import RECORDED
 WORDS: Final[Mapping[str, frozenset[str]]] = {
     kind: frozenset(words.split())
     for kind, words in {
-        "time": "time t stamp timestamp ts seconds sec secs elapsed zeit datetime date datum "
-        "uhrzeit temps tempo tiempo",
+        "time": " ".join(TIME_WORDS),
         PRESSURES: "pressure pressures press p pres druck pression pressione presion",
         COMMANDS: "command commands cmd valve u input action ventil commande comando vanne valvola "
         "valvula",
@@ -60,13 +59,6 @@ _LONGEST_UNIT: Final = 5
 """Characters of an unknown unit; a longer word in brackets is a remark."""
 _OTHER: Final = "another unit"
 """The unit of a column that has one which no channel has."""
-
-
-def words_of(name: str) -> list[str]:
-    """The words and numbers in a name: `elbowFlexor_p1[kPa]` has elbow, flexor, p, 1, kpa."""
-    plain = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode()
-    apart = re.sub(r"([a-z])([A-Z])", r"\1 \2", plain)
-    return [word.lower() for word in re.findall(r"[A-Za-z]+|\d+", apart)]
 
 
 class ColumnName:

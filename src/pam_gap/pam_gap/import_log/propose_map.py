@@ -165,11 +165,19 @@ def _best(
     for score, channel, column in scored:
         if score == reached.get(channel, 0.0) < _LEAST_OWN and channel != "time":
             alike.setdefault(channel, []).append(column.name)
+    # the steps of a time are those of one channel, which others may not share
+    measured = next((of.name for channel, of in found.items() if channel != "time"), None)
+    stamped = np.isfinite(columns[measured]) if measured else ...
     return [
         Proposed(
             channel,
             found[channel].name,
-            _unit(channel, found[channel], columns[found[channel].name], rig),
+            _unit(
+                channel,
+                found[channel],
+                columns[found[channel].name][stamped if channel == "time" else ...],
+                rig,
+            ),
             rest_of_time(columns, found[channel].name) if channel == "time" else (),
             found[channel].absolute and channel.startswith(PRESSURES),
             tuple(_others(alike.get(channel, []), found[channel].name, columns)),

@@ -12,6 +12,7 @@ import pandas as pd
 from pam_gap.recordings.array_files import ARRAYS, read_arrays
 from pam_gap.recordings.array_process import APART, read_arrays_apart
 from pam_gap.recordings.column_map import ColumnMap
+from pam_gap.recordings.name_words import roles_of
 from pam_gap.recordings.recording import (
     COMMANDS,
     JOINTS,
@@ -77,7 +78,10 @@ def read_columns(path: Path, rows: int | None = None, names: Sequence[str] = ())
             raise ValueError("its columns have names; expected no `names` in the map")
         if path.suffix.lower() in ARRAYS:
             read = read_arrays_apart if path.suffix.lower() in APART else read_arrays
-            return Table({name.strip(): _real(array) for name, array in read(path).items()})
+            arrays = {name.strip(): _real(array) for name, array in read(path).items()}
+            if roles_of(list(arrays)) or any(array.dtype == object for array in arrays.values()):
+                return Table.of_frame(pd.DataFrame(arrays))
+            return Table(arrays)
         if path.suffix.lower() in PARQUET:
             return Table.of_frame(_parquet(path))
         return read_text_table(path, rows, names)
@@ -86,7 +90,7 @@ def read_columns(path: Path, rows: int | None = None, names: Sequence[str] = ())
 def _real(array: Any) -> Any:
     if np.iscomplexobj(array):
         raise ValueError("an array of complex numbers")
-    return np.asarray(array, dtype=np.float64)
+    return array if array.dtype == object else np.asarray(array, dtype=np.float64)
 
 
 def _parquet(path: Path) -> Any:
@@ -127,7 +131,8 @@ def read_table(path: Path, column_map: ColumnMap | None = None) -> RawRecording:
         remarks += [f"{shown(n)}: {_entries(table, n)}" for n in sorted(column_map.columns)
                     if n in table.texts]  # fmt: skip
         time = mapped.pop("time")
-        return from_columns(path, time, mapped, [*remarks, f"read by {column_map.source}"])
+        remarks.append(f"read by {column_map.source}")
+        return from_columns(path, time, mapped, remarks, one_clock=table.one_clock)
     if "time" not in table.columns:
         raise RecordingError(
             f"{path}: no column 'time' [s]; found {all_shown(table.columns) or 'none'}; "
@@ -150,7 +155,7 @@ def read_table(path: Path, column_map: ColumnMap | None = None) -> RawRecording:
         )
     if not columns:
         raise RecordingError(f"{path}: no channel of the rig contract except 'time'")
-    return from_columns(path, time, columns, remarks)
+    return from_columns(path, time, columns, remarks, one_clock=table.one_clock)
 
 
 def _entries(table: Table, name: str) -> str:

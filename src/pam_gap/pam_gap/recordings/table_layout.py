@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
+from pam_gap.recordings.name_words import VALUE_WORD, names_a_long_table
 from pam_model.table_dialect import decimal_mark, separator
 from pam_ros.foreign_text import all_shown, shown
 
@@ -163,6 +164,8 @@ def find_layout(lines: Sequence[str], given: Sequence[str] = ()) -> TableLayout:
     body = [(k, line) for k, line in told if not line.lstrip().startswith(COMMENT)]
     if len(body) < (1 if given else 2):
         raise ValueError("it holds no rows below a line of names")
+    if long := _long_layout(body):
+        return long
     best: tuple[float, int, str | None, Rows] = (0.0, -1, None, [])
     for between in _SEPARATORS:
         rows = [(k, _cells(line, between)) for k, line in body]
@@ -199,6 +202,34 @@ def find_layout(lines: Sequence[str], given: Sequence[str] = ()) -> TableLayout:
         if (unit := unit_spelt(raw)) and name
     }
     return TableLayout(tuple(names), kept, between, decimal_mark(text, between), first)
+
+
+def _long_layout(body: list[tuple[int, str]]) -> TableLayout | None:
+    """The layout of a long table, whose rows may hold more text than numbers; None without one."""
+    for place, (_, line) in enumerate(body[:-1]):
+        for between in filter(None, _SEPARATORS) if VALUE_WORD.search(line) else ():
+            names = _cells(line, between)
+            if names_a_long_table(names):
+                text = [row for _, row in body[place + 1 :]]
+                first = body[place + 1][0]
+                return TableLayout(tuple(names), {}, between, decimal_mark(text, between), first)
+    return None
+
+
+def _fitted(names: list[str], cells: list[str], line: str) -> list[str]:
+    """The names if they fit the cells of the first row; empty if they do not."""
+    apart = [part.strip() for part in re.split(r"\s{2,}|\t", line.strip()) if part.strip()]
+    for tried in (names, apart):
+        found = list(tried)
+        while len(found) > len(cells) and not found[-1]:
+            found.pop()
+        if _share(found) >= 0.5 or not any(found):
+            continue
+        if len(found) == len(cells):
+            return found
+        if len(found) == len(cells) - 1:  # a separator at the end of each row, or numbers of rows
+            return [*found, ""] if not cells[-1] else ["", *found]
+    return []
 
 
 def _fitted(names: list[str], cells: list[str], line: str) -> list[str]:
