@@ -24,8 +24,8 @@ _SEEN: Final = frozenset([
 ])  # fmt: skip
 """Words of what was measured, which do not say what it is."""
 _SIDES: Final = (
-    frozenset(["ago", "agonist", "agon"]),
-    frozenset(["ant", "antago", "antagonist", "antag"]),
+    frozenset(["ago", "agon", "agonist", "biceps", "flexor", "flex"]),
+    frozenset(["ant", "anta", "antag", "antago", "antagonist", "triceps", "extensor", "ext"]),
 )
 """What the first and the second muscle of a joint are called without their names."""
 _SHORTEST: Final = 3  # letters of a short form of a name
@@ -64,12 +64,13 @@ def own_names(channel: str) -> tuple[str, ...]:
     owner, _, field = channel.partition(".")[2].partition(".")
     if channel.startswith(COMMANDS):  # what was sent is nearer to the valves than what was asked
         topics = ("/sent_valve_commands", "/valve_commands")
-        in_bags = [f"{t}.{f}.{owner}" for t in topics for f in ("position", "effort")]
+        in_bags = [[t, f, owner] for t in topics for f in ("position", "effort")]
     elif channel == SUPPLY:
-        in_bags = [f"/{SUPPLY}.fluid_pressure"]
+        in_bags = [[f"/{SUPPLY}", "fluid_pressure"]]
     else:
-        in_bags = [f"/{channel.partition('.')[0]}.{field or 'effort'}.{owner}"]
-    return (channel, *in_bags)
+        in_bags = [[f"/{channel.partition('.')[0]}", field or "effort", owner]]
+    plotted = ["/".join((topic, *reversed(of))) for topic, *of in in_bags]  # by PlotJuggler
+    return (channel, *map(".".join, in_bags), *plotted)
 
 
 def expected_unit(channel: str, rig: Rig) -> str:
@@ -86,9 +87,13 @@ def _owner_score(channel: str, words: frozenset[str], rig: Rig) -> float:
     """How well the words name the muscle or joint of a channel."""
     owner = channel.partition(".")[2].partition(".")[0]
     named = sum(any(_is_short_for(w, word) for w in words) for word in words_of(owner))
+    own = {word for muscle in rig.muscle_names for word in words_of(muscle)}
     for joint in rig.joints:
-        if owner in joint.muscles and words & _SIDES[joint.muscles.index(owner)]:
-            named += 1
+        for muscle, side in zip(joint.muscles, _SIDES, strict=False):
+            named += muscle == owner and any(
+                word in side and not any(_is_short_for(word, name) for name in own)
+                for word in words
+            )
     return _OWNER * named
 
 

@@ -20,9 +20,6 @@ from pam_ros.foreign_text import shown
 _TIME_OF_DAY: Final = r"(\d{1,2}):(\d{2}):(\d{2}(?:[.,:]\d+)?)(?: ?([aApP])\.?[mM]\.?)?"
 _TWO_ORDERS: Final = rf"(\d{{1,2}})([/.])(\d{{1,2}})[/.](\d{{4}})[T ,]+{_TIME_OF_DAY}"
 """A date with the year behind it, which begins with the month or the day."""
-_DAY: Final = r"(\d{1,2}):(\d{2}):(\d{2}(?:[.,:]\d+)?)(?: ?([aApP])\.?[mM]\.?)?"
-_TWO_ORDERS: Final = rf"(\d{{1,2}})([/.])(\d{{1,2}})[/.](\d{{4}})[T ,]+{_TIME_OF_DAY}"
-"""A date with the year behind it, which begins with the month or the day."""
 _MONTHS: Final = "jan feb mar apr may jun jul aug sep oct nov dec".split()  # noqa: SIM905
 """As Matlab writes them, in `04-Mar-2026 12:00:01`."""
 _DAY: Final = 86400.0
@@ -72,13 +69,16 @@ def numbers_in(column: Any, decimal: str) -> tuple[Array, Text | None, str]:
 def _ungrouped(text: Any, decimal: str) -> Any:
     """Numbers without the marks between their thousands, where nothing else can be meant.
 
-    A point or a comma is one only in a column in which the decimal mark follows, as in 1,234.5.
+    A point or a comma is one only in a column in which the decimal mark follows, as in 1,234.5, or
+    in which every number is a whole one with such marks where it is long enough, as 200,104.
     """
     other = "," if decimal == "." else r"\."
     point = re.escape(decimal)
     for mark, least in ((r"['\u2019\u00a0\u202f]", "*"), (other, "+")):
         thousands = rf"[-+]?\d{{1,3}}(?:{mark}\d{{3}})+"
-        if text.str.fullmatch(rf"{thousands}(?:{point}\d){least}\d*").any():
+        whole = text.str.fullmatch(rf"(?:[-+]?[1-9]\d{{0,2}}(?:{mark}\d{{3}})+|[-+]?\d{{1,3}}|)")
+        marked = text.str.fullmatch(rf"{thousands}(?:{point}\d){least}\d*")
+        if marked.any() or (whole.all() and text.str.contains(mark, regex=True).any()):
             grouped = text.str.fullmatch(rf"{thousands}(?:{point}\d*)?").to_numpy(bool)
             text = text.where(~grouped, text.str.replace(mark, "", regex=True))
     return text
@@ -117,7 +117,12 @@ def _dates(text: Any) -> Array:
     parts = text.str.extract(f"^{_TWO_ORDERS}$")
     if parts[0].notna().any():
         return _dates_of_two_orders(parts)
-    iso = text.str.replace(
+    named = text.str.replace(
+        rf"^(\d{{1,2}})[- ]({'|'.join(_MONTHS)})[a-z]*[- ](\d{{4}})(?=\D|$)",
+        lambda m: f"{m[3]}-{_MONTHS.index(m[2].lower()) + 1:>02}-{m[1]:>02}",
+        regex=True, flags=re.IGNORECASE,
+    )  # fmt: skip
+    iso = named.str.replace(
         r"^(\d{4})[/.-](\d{1,2})[/.-](\d{1,2})(?=\D|$)",
         lambda m: f"{m[1]}-{m[2]:>02}-{m[3]:>02}", regex=True,
     ).str.replace(

@@ -62,6 +62,11 @@ def roles_of(names: Sequence[str]) -> Roles | None:
     return Roles(time, keys, values, unit, rest) if time and keys and (values or rest) else None
 
 
+def is_unit_word(text: str) -> bool:
+    """Whether a text says that units stand beside it."""
+    return text.lower().strip(" :") in _WORDS["unit"]
+
+
 def names_a_long_table(cells: Sequence[str]) -> bool:
     """Whether a line has the names of a long table, whose rows may hold more text than numbers."""
     roles = roles_of(cells)
