@@ -191,6 +191,8 @@ def test_a_tag_that_differs_between_signals_is_a_part_of_the_name(tmp_path: Path
         ("time,channel,p1,p2", lambda k: f"{15.0 * np.sin(0.02 * k):.0f}"),
         ("time,id,p1,value", lambda k: f"{k}"),
         ("time,message,p1,p2", lambda k: "valve stuck" if k == 200 else ""),
+        ("time,message,p1_value,p2_value", lambda k: "valve stuck" if k == 200 else ""),
+        ("time,device_id,p1_value,p2_value", lambda _: "rig"),
     ],
 )
 def test_a_table_with_a_column_per_signal_stays_as_it_is(
@@ -207,7 +209,11 @@ def test_a_table_with_a_column_per_signal_stays_as_it_is(
 
 
 def test_a_signal_with_two_units_is_refused(tmp_path: Path) -> None:
-    rows = [f"{t:.3f},p1,2.0,{'kPa' if t > 1 else 'bar'}" for t in TIME]
+    rows = [
+        f"{t:.3f},{name},2.0,{'kPa' if t > 1.0 and name == 'p1' else 'bar'}"
+        for t in TIME
+        for name in ("p1", "p2")
+    ]
     path = tmp_path / "log.csv"
     path.write_text("\n".join(["time,signal,value,unit", *rows]))
     with pytest.raises(RecordingError, match="'p1' has the units 'bar', 'kPa'; expected one"):

@@ -27,6 +27,8 @@ _FEWEST: Final = 4.0
 """Rows for each name, on average; with fewer, a column is no name but a remark or a count."""
 _OFTEN: Final = 0.1
 """Share of the rows, in the order of time, at which a name changes; a state changes rarely."""
+_MOSTLY: Final = 0.9
+"""Share of the rows that have a time and a name."""
 _ENOUGH: Final = 16
 """Rows of a signal that tell how often something changes."""
 _MOST_NUMBERS: Final = 64
@@ -65,26 +67,32 @@ def wide_of(frame: Any, decimal: str = ".") -> Wide | None:
     if not times:
         return None
     stamped = np.all([np.isfinite(column) for column in times.values()], axis=0)
-    stamped &= frame[list(roles.keys)].notna().any(axis=1).to_numpy()
-    rows = np.flatnonzero(stamped)
+    named = (frame[list(roles.keys)].astype("string").fillna("") != "").any(axis=1).to_numpy(bool)
+    if named.sum() < _MOSTLY * stamped.sum():
+        return None
+    rows = np.flatnonzero(stamped & named)
     order = rows[np.lexsort([column[rows] for column in reversed(list(times.values()))])]
     keys = [name for name in roles.keys if _may_name(frame[name].iloc[order])]
     if not keys or (not roles.values and not _alternates(frame, keys, times, order)):
         return None
     keys += [name for name in roles.rest if _is_part_of_name(frame, name, keys, order)]
+    if len(frame[keys].iloc[order].drop_duplicates()) < 2:
+        return None
     signals = _signals(frame, keys, roles, order)
     quantities = list(roles.values or [name for name in roles.rest if name not in keys])
     return _spread(frame, order, signals, times, quantities, decimal)
 
 
 def _times(frame: Any, roles: Roles, decimal: str) -> dict[str, Array]:
-    """The times of the rows, in columns that have some."""
-    found = {}
-    for name in roles.time:
-        values, _, kind = numbers_in(frame[name], decimal)
-        if np.isfinite(values).any():
-            found[name] = over_midnight(values) if kind == "clock" else values
-    return found
+    """The times of the rows, in the columns in which most rows have one."""
+    read = {name: numbers_in(frame[name], decimal) for name in roles.time}
+    counts = {name: int(np.isfinite(values).sum()) for name, (values, _, _) in read.items()}
+    is_dated = any(kind == "date" for _, _, kind in read.values())
+    return {
+        name: over_midnight(values) if kind == "clock" and not is_dated else values
+        for name, (values, _, kind) in read.items()
+        if counts[name] > _MOSTLY * max(counts.values())
+    }
 
 
 def _may_name(column: Any) -> bool:
@@ -188,7 +196,7 @@ def _spread(
             if numeric and quantity not in numeric:
                 continue  # a remark beside the numbers
             name = _name_of(str(signal), quantity, alone=len(quantities) == 1)
-            refuse_doubled([name, *columns])
+            refuse_doubled([name] * (1 + (name in columns)))
             left.take((count,), 8, f"signal {shown(name)}")
             columns[name] = np.full(count, np.nan)
             columns[name][rows[at]] = values
