@@ -60,6 +60,16 @@ def test_names_and_units_may_stand_above_a_line_that_says_that_rows_begin(
     assert (found[POSITION].column, found[POSITION].unit) == ("Model/angle", "deg")
 
 
+def test_a_quoted_name_may_have_its_unit_in_a_second_line(rig: Rig, tmp_path: Path) -> None:
+    """A spreadsheet writes it so; no line seemed to hold the names."""
+    names = '"Time\n[ms]";"p1\n[bar]";"p2\n[bar]";"phi"'
+    columns = (1e3 * TIME, 1e-5 * FIRST, 1e-5 * SECOND, ANGLE)
+    path = written(tmp_path / "log.csv", names, *columns)
+    found = proposed(path, rig)
+    assert (found["time"].column, found["time"].unit) == ("Time [ms]", "ms")
+    assert read_columns(path).columns["p1 [bar]"].size == TIME.size
+
+
 @pytest.mark.parametrize("word", ["n.a.", "Bad", "OVERFLOW"])
 def test_words_in_the_first_rows_are_no_names(word: str, tmp_path: Path) -> None:
     """The last row of words was taken for the line of names."""

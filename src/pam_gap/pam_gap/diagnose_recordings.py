@@ -161,7 +161,8 @@ def joints_to_diagnose(
             )
     for number in numbers or wanted:  # without pressures, what else is wrong is still said
         with reasons.gathered():
-            refuse_other_rig(rig, number, recordings)
+            if number in numbers:
+                refuse_other_rig(rig, number, recordings)
         with reasons.gathered():
             refuse_other_units(rig, number, recordings)
     reasons.refuse()

@@ -51,6 +51,15 @@ def doubts(proposed: Sequence[Proposed], table: Table, rig: Rig) -> list[str]:
     plain = [p.column for p in proposed if p.is_guessed and not p.unit and _needs_a_unit(p, rig)]
     if plain:
         found.append(f"{all_shown(plain)}: no unit is stated; taken for Pa")
+    return found + left_out(proposed, table, rig)
+
+
+def left_out(proposed: Sequence[Proposed], table: Table, rig: Rig) -> list[str]:
+    """Why columns are not proposed although their words fit a channel that has none.
+
+    Parameters and words are those of `doubts`.
+    """
+    found: list[str] = []
     used = {one.column for one in proposed}
     names = [
         ColumnName(name, table.units.get(name, ""), table.columns)

@@ -21,7 +21,7 @@ from pam_gap.diagnose_recordings import (
 )
 from pam_gap.import_log.channel_score import wanted_channels
 from pam_gap.import_log.column_name import with_another_unit
-from pam_gap.import_log.doubts import doubts
+from pam_gap.import_log.doubts import doubts, left_out
 from pam_gap.import_log.preview_page import Preview, conversion, render
 from pam_gap.import_log.propose_map import Proposed, map_text, propose
 from pam_gap.prediction.bench_joint import bench_muscles
@@ -141,7 +141,8 @@ def _proposed_map(
             f"{path}: no column looks like a time ({all_shown(columns)}){_of_text(table)}; state "
             f"--rate [Hz], or name the column in {place} and give it with --map"
         )
-        raise RecordingError("\n".join([why, *(f"{path}: check {text}" for text in doubtful)]))
+        others = [f"{path}: {text}" for text in left_out(proposed, table, rig)]
+        raise RecordingError("\n".join([why, *others]))
     return place, [] if ask else doubtful
 
 
@@ -236,7 +237,8 @@ def import_log(
         subjects_to_diagnose(rig, [recording])
     except PamError as error:
         of_text = "" if map_path or recording is None else _of_text(table)
-        problems += f"{error}{of_text}".splitlines()
+        first, *others = str(error).splitlines()
+        problems += [f"{first}{of_text}", *others]
     if recording is not None and not problems:
         if not is_rough:
             no_verdict = _no_verdict(rig, recording)

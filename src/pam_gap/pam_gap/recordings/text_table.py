@@ -28,6 +28,9 @@ _LINES: Final = 200
 """Lines that are looked at."""
 _FEWEST_LINES, _ENOUGH = 4, 1 << 20
 """So many suffice if they have so many bytes, as with 100,000 columns."""
+_OPEN: Final = re.compile(r'(?:^|[;,\t|])\s*"[^"]*$')
+_CLOSED: Final = re.compile(r'[^"]*"\s*(?:[;,\t|]|$)')
+"""The end of a line in a quoted cell, and the beginning of the next line."""
 _LONGEST_LINE: Final = 1 << 24
 """Bytes in which a line must end."""
 
@@ -88,7 +91,18 @@ def _head(path: Path) -> tuple[list[str], str]:
                 break
     encoding = encoding_of(bytes(start))
     text = codecs.getincrementaldecoder(encoding)(errors="replace").decode(bytes(start))
-    return re.split(r"\r\n|\n|\r", text), encoding
+    return _with_whole_cells(re.split(r"\r\n|\n|\r", text)), encoding
+
+
+def _with_whole_cells(lines: list[str]) -> list[str]:
+    """The lines, of which two are one where a quoted cell has two lines, as a name and its unit."""
+    found: list[str] = []
+    for line in lines:
+        if found and _OPEN.search(found[-1]) and _CLOSED.match(line):
+            found[-1] += f" {line}"
+        else:
+            found.append(line)
+    return found
 
 
 def read_text_table(path: Path, rows: int | None = None, names: Sequence[str] = ()) -> Table:
