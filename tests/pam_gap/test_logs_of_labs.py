@@ -17,19 +17,7 @@ from pam_gap.recordings.import_recording import import_recording
 from pam_gap.recordings.recording import RawChannel, RawRecording, RecordingError
 from pam_gap.recordings.resample import resample
 from pam_model.rig import Rig, save_rig
-
-TIME: Final = np.arange(400) * 0.004
-FIRST, SECOND = (2e5 + s * 6e4 * np.sin(5.0 * TIME) for s in (1.0, -1.0))
-ANGLE: Final = 0.3 * np.sin(5.0 * TIME)
-PRESSURE: Final = "pressure_states.elbow_flexor"
-
-
-def written(path: Path, names: str, *columns: np.ndarray | list[str], between: str = ";") -> Path:
-    """A table of text; numbers are written with four decimals."""
-    cells = [c if isinstance(c, list) else [f"{v:.4f}" for v in c] for c in columns]
-    rows = [between.join(row) for row in zip(*cells, strict=True)]
-    path.write_text("\n".join([names, *rows, ""]), encoding="utf-8")
-    return path
+from support.lab_logs import ANGLE, FIRST, PRESSURE, SECOND, TIME, written
 
 
 def proposed(path: Path, rig: Rig) -> dict[str, Proposed]:

@@ -147,8 +147,9 @@ def test_a_time_and_pressures_that_are_text_are_named_with_their_first_value(
     with pytest.raises(RecordingError, match=r"a time .*; column 'time' holds text such as 'at 0'"):
         import_log(path, RIG, tmp_path / "out")
     path.write_text("\n".join([names, *(f"0.{k:03},{2 + k} bar,2,{k}" for k in range(400))]))
-    (problem,) = import_log(path, RIG, tmp_path / "out").problems
+    problem, position = import_log(path, RIG, tmp_path / "out").problems
     assert "column 'p elbow_flexor [bar]' holds text such as '2 bar' in row 1" in problem
+    assert "joint_states.elbow.position reaches" in position
 
 
 @pytest.mark.parametrize("channels", ["{}", "{pressure_states.elbow_flexor: q}"])

@@ -45,6 +45,7 @@ from pam_gap.recordings.still_channels import without_still
 from pam_gap.rules import DEFAULT, Rules
 from pam_gap.rules.recording_rules import RecordingRules
 from pam_gap.search.candidate_search import Progress, silent
+from pam_model.errors import Reasons
 from pam_model.rig import Rig
 
 
@@ -115,10 +116,13 @@ def subjects_to_diagnose(
         found = [one for one in found if one == name]
         if not found:
             refuse_no_bench(bench_channels(name), recordings)
+    reasons = Reasons(RecordingError)
     for muscle in found:
-        refuse_other_units_on_bench(rig, muscle, recordings)
-        for recording in recordings:
-            refuse_other_lengths(rig, muscle, recording)
+        with reasons.gathered():
+            refuse_other_units_on_bench(rig, muscle, recordings)
+            for recording in recordings:
+                refuse_other_lengths(rig, muscle, recording)
+    reasons.refuse()
     if name is not None or (found and not rig.joints):
         return found
     if not rig.joints:
@@ -146,16 +150,22 @@ def joints_to_diagnose(
         rig.joint(joint)
     if not recordings:
         raise RecordingError("no recording given; expected at least one")
-    numbers = joints_recorded(rig, recordings)
-    if joint is not None:
-        numbers = [number for number in numbers if rig.joint_names[number] == joint]
+    wanted = [k for k, name in enumerate(rig.joint_names) if joint in (None, name)]
+    numbers: list[int] = []
+    reasons = Reasons(RecordingError)
+    with reasons.gathered():
+        numbers = [number for number in joints_recorded(rig, recordings) if number in wanted]
         if not numbers:
             raise RecordingError(
                 f"joint {joint!r}: the recordings hold no pressures of its muscles"
             )
-    for number in numbers:
-        refuse_other_rig(rig, number, recordings)
-        refuse_other_units(rig, number, recordings)
+    for number in numbers or wanted:  # without pressures, what else is wrong is still said
+        with reasons.gathered():
+            if number in numbers:
+                refuse_other_rig(rig, number, recordings)
+        with reasons.gathered():
+            refuse_other_units(rig, number, recordings)
+    reasons.refuse()
     return numbers
 
 

@@ -33,11 +33,12 @@ from pam_gap.recordings.recording import (
     SHUT,
     TURNED_OVER,
     Recording,
+    RecordingError,
 )
 from pam_gap.rules import DEFAULT, Rules, changed
 from pam_gap.rules.statement import BY_USER
 from pam_model.command_line import Arguments, Outcome, Progress, progress
-from pam_model.errors import PamError
+from pam_model.errors import PamError, Reasons
 from pam_model.names import unknown
 from pam_model.rig import Rig, load_rig, save_rig
 
@@ -70,14 +71,17 @@ def import_as_mounted(
     Raises
     ------
     RecordingError
-        When one of them cannot be read.
+        When some of them cannot be read; the message has one line for each.
     """
     read = []
+    reasons = Reasons(RecordingError)
     for mounting, paths in {"": recordings, **(mounted or {})}.items():
         for path in paths:
-            logged = import_recording(path, column_map=column_map)
-            used = without_computed(logged, rig, rules.recording)
-            read.append(replace(used, mounting=mounting))
+            with reasons.gathered():
+                logged = import_recording(path, column_map=column_map)
+                used = without_computed(logged, rig, rules.recording)
+                read.append(replace(used, mounting=mounting))
+    reasons.refuse()
     return read
 
 

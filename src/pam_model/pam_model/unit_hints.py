@@ -28,7 +28,7 @@ RECORDED: Mapping[str, tuple[tuple[str, float], ...]] = {
     "Pa gauge": (*_PRESSURES, ("mbar", 100.0)),
     "Pa absolute": (*_PRESSURES, ("mbar", 100.0)),
     "rad": (("deg", math.pi / 180.0), ("mrad", 1e-3)),
-    "s": (("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)),
+    "s": (("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9), ("min", 60.0), ("h", 3600.0)),
     "-": (("per cent", 0.01), ("per mille", 1e-3)),
     "N": (("mN", 1e-3), ("kN", 1e3)),
 }

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import re
-import unicodedata
 from collections.abc import Mapping
 from typing import Final
 
 import numpy as np
 
+from pam_gap.recordings.name_words import TIME_WORDS, words_of
 from pam_gap.recordings.recording import COMMANDS, PRESSURES, SUPPLY, Array
 from pam_gap.recordings.table_layout import is_absolute, is_pressure_with_zero, unit_spelt
 from pam_model.unit_hints import RECORDED
@@ -16,8 +16,7 @@ from pam_model.unit_hints import RECORDED
 WORDS: Final[Mapping[str, frozenset[str]]] = {
     kind: frozenset(words.split())
     for kind, words in {
-        "time": "time t stamp timestamp ts seconds sec secs elapsed zeit datetime date datum "
-        "uhrzeit temps tempo tiempo",
+        "time": " ".join(TIME_WORDS),
         PRESSURES: "pressure pressures press p pres druck pression pressione presion",
         COMMANDS: "command commands cmd valve u input action ventil commande comando vanne valvola "
         "valvula",
@@ -56,17 +55,11 @@ _MULTIPLE: Final = re.compile(
 """A multiple of a unit, as `0.1 ms` or `kPa x10`."""
 _TENS: Final = re.compile(r"(?<![A-Za-z\d.])(?:10+|0\.0*1)([A-Za-z]+)")
 """A multiple in a name, as in `time_10us`."""
+_OTHER_LETTER: Final = str.maketrans("aAbB", "bBaA")
 _LONGEST_UNIT: Final = 5
 """Characters of an unknown unit; a longer word in brackets is a remark."""
 _OTHER: Final = "another unit"
 """The unit of a column that has one which no channel has."""
-
-
-def words_of(name: str) -> list[str]:
-    """The words and numbers in a name: `elbowFlexor_p1[kPa]` has elbow, flexor, p, 1, kpa."""
-    plain = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode()
-    apart = re.sub(r"([a-z])([A-Z])", r"\1 \2", plain)
-    return [word.lower() for word in re.findall(r"[A-Za-z]+|\d+", apart)]
 
 
 class ColumnName:
@@ -81,14 +74,15 @@ class ColumnName:
     unit : str
         The unit in brackets, in a word, or below the name; empty where none is stated.
     place : int or None
-        Its number, from 1, if the columns are numbered from 0: 1 and 2 of `valve.0` and `valve.1`.
+        Its number, from 1, if the columns are numbered from 0 or by letters: 1 and 2 of `valve.0`
+        and `valve.1`, or of `p_a` and `p_b`.
     absolute : bool
         Whether the unit is that of an absolute pressure.
     """
 
     def __init__(self, name: str, below: str, columns: Mapping[str, Array]) -> None:
         self.name = name
-        self.place = _place_from_zero(name, columns)
+        self.place = _place(name, columns)
         parts = name.split(".")
         own = [part for part in parts[:-1] if not part.isdigit()]  # a run has a number of its own
         listed = words_of(".".join([*own, parts[-1]]))
@@ -96,7 +90,12 @@ class ColumnName:
         bracket = _BEHIND.search(name)
         if bracket is None or not is_pressure_with_zero(bracket[0]):
             bracket = _BRACKET.search(name)
+        if bracket and _is_index(name, bracket, columns):
+            bracket = None
         in_bracket = _bracketed(bracket[0].strip()) if bracket else ""
+        if bracket and in_bracket:  # the number in cm² is none of the column
+            numbers = set(filter(str.isdigit, words_of(bracket[0])))
+            self.words -= numbers - set(words_of(name[: bracket.start()]))
         whole = [word.lower() for word in re.findall(r"[A-Za-z]+", name)]  # kPa is one word
         parts = [*listed, *whole]
         in_words = next(filter(None, map(_unit_of_word, reversed(parts))), "")
@@ -139,11 +138,22 @@ def _bracketed(text: str) -> str:
     return _OTHER if looks_like_a_unit and inside and not inside.isdigit() else ""
 
 
-def _place_from_zero(name: str, columns: Mapping[str, Array]) -> int | None:
+def _is_index(name: str, bracket: re.Match[str], columns: Mapping[str, Array]) -> bool:
+    """Whether a 1 in brackets, which may be a unit, counts columns, as in `p[0]` and `p[1]`."""
+    others = (name[: bracket.start()] + bracket[0].replace("1", other) for other in "02")
+    return bracket[0].strip()[1:-1] == "1" and any(other in columns for other in others)
+
+
+def _place(name: str, columns: Mapping[str, Array]) -> int | None:
     stem = re.sub(r"\s*[\[(][^\])]*[^\W\d][^\])]*[\])]\s*$", "", name)  # without the unit
     found = list(re.finditer(r"\d+", stem))
     if not found:
-        return None
+        letter = re.search(r"(?<![^\W_])[aAbB](?=[\W_]*$)", stem)
+        if letter is None:
+            return None
+        begin, end = letter.span()
+        other = f"{name[:begin]}{letter[0].translate(_OTHER_LETTER)}{name[end:]}"
+        return 1 + (letter[0] in "bB") if other in columns else None
     begin, end = found[-1].span()
     zero = f"{name[:begin]}{'0' * (end - begin)}{name[end:]}"
     return int(found[-1][0]) + 1 if zero in columns else None

@@ -19,9 +19,11 @@ from pam_gap.diagnose_recordings import (
     subjects_to_diagnose,
     what_is_missing,
 )
+from pam_gap.import_log.channel_score import wanted_channels
 from pam_gap.import_log.column_name import with_another_unit
+from pam_gap.import_log.doubts import doubts, left_out
 from pam_gap.import_log.preview_page import Preview, conversion, render
-from pam_gap.import_log.propose_map import Proposed, doubts, map_text, propose, wanted_channels
+from pam_gap.import_log.propose_map import Proposed, map_text, propose
 from pam_gap.prediction.bench_joint import bench_muscles
 from pam_gap.prediction.identifiable import what_is_missing as not_identifiable_for
 from pam_gap.recordings.bag_columns import read_bag_columns
@@ -135,10 +137,12 @@ def _proposed_map(
     if all(one.channel == "time" for one in proposed):
         raise RecordingError(f"{path}: no column was mapped: {_why_none(table, rig, place)}")
     if not bag and not rate and all(one.channel != "time" for one in proposed):
-        raise RecordingError(
+        why = (
             f"{path}: no column looks like a time ({all_shown(columns)}){_of_text(table)}; state "
             f"--rate [Hz], or name the column in {place} and give it with --map"
         )
+        others = [f"{path}: {text}" for text in left_out(proposed, table, rig)]
+        raise RecordingError("\n".join([why, *others]))
     return place, [] if ask else doubtful
 
 
@@ -233,7 +237,8 @@ def import_log(
         subjects_to_diagnose(rig, [recording])
     except PamError as error:
         of_text = "" if map_path or recording is None else _of_text(table)
-        problems.append(f"{error}{of_text}")
+        first, *others = str(error).splitlines()
+        problems += [f"{first}{of_text}", *others]
     if recording is not None and not problems:
         if not is_rough:
             no_verdict = _no_verdict(rig, recording)

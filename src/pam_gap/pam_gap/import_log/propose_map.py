@@ -7,49 +7,29 @@ proposal is a draft of a map file: the user confirms or corrects it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 import yaml
 
-from pam_gap.import_log.column_name import DERIVED, WORDS, ColumnName, words_of
-from pam_gap.import_log.time_column import KIND, rest_of_time, time_score, unit_of_time
-from pam_gap.prediction.bench_joint import bench_muscles
-from pam_gap.recordings.column_map import unit_of
+from pam_gap.import_log.channel_score import (
+    OWN_NAME,
+    expected_unit,
+    kind_of,
+    score_of,
+    wanted_channels,
+)
+from pam_gap.import_log.column_name import ColumnName
+from pam_gap.import_log.time_column import rest_of_time, time_score, unit_of_time
 from pam_gap.recordings.import_rosbag import ESTIMATES, GROUND_TRUTH
-from pam_gap.recordings.recording import COMMANDS, JOINTS, MUSCLES, PRESSURES, SUPPLY, Array
-from pam_gap.recordings.text_table import Table
+from pam_gap.recordings.recording import MUSCLES, PRESSURES, Array
 from pam_model.rig import Rig
 from pam_model.unit_hints import RECORDED, units_that_fit
-from pam_ros.foreign_text import all_shown, shown
 
-_ASKED: Final = frozenset([
-    "command", "commands", "cmd", "des", "desired", "ref", "reference", "target", "setpoint",
-    "setp", "sp", "set", "goal", "soll",
-])  # fmt: skip
-"""Words of what was asked for: a column with one is a command of the valve, or no channel."""
-_SEEN: Final = frozenset([
-    "obs", "observed", "feedback", "fb", "measured", "meas", "actual", "act", "sensor", "reading",
-    "ist",
-])  # fmt: skip
-"""Words of what was measured, which do not say what it is."""
-_CONTRACTION: Final = frozenset(["contraction", "epsilon", "eps", "shortening"])
-"""Words of how much shorter a muscle is, over its rest length."""
-_SIDES: Final = (
-    frozenset(["ago", "agonist", "agon"]),
-    frozenset(["ant", "antago", "antagonist", "antag"]),
-)
-"""What the first and the second muscle of a joint are called without their names."""
-_SHORTEST: Final = 3  # letters of a short form of a name
-_OWNER, _NUMBER = 3.0, 1.5
-"""What a word of the muscle or joint, and the right number, count; a word of the kind is `KIND`."""
-_TOLD_BY_UNIT: Final = (PRESSURES, ".position")
-"""Kinds of channel that a unit suggests where no word does."""
-_OWN_NAME: Final = 100.0
-"""What the name of this suite counts, less one for each that is better."""
-_LEAST_OWN: Final = 90.0
+_LEAST_OWN: Final = OWN_NAME - 10.0
+"""What a column of a bag of this suite must reach."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,40 +47,6 @@ class Proposed:
     is_guessed: bool = False  # whether the unit follows from the size of the values alone
 
 
-def wanted_channels(rig: Rig) -> list[str]:
-    """The channels of a recording of this rig: what every diagnosis needs first."""
-    muscles = list(rig.muscle_names)
-    return [
-        *(f"{PRESSURES}{muscle}" for muscle in muscles),
-        *(f"{JOINTS}{joint.name}.position" for joint in rig.joints),
-        *(f"{MUSCLES}{muscle}.position" for muscle in bench_muscles(rig)),
-        *(f"{COMMANDS}{muscle}" for muscle in muscles),
-        *(f"{MUSCLES}{muscle}.effort" for muscle in muscles),
-        SUPPLY,
-    ]
-
-
-def _kind(channel: str) -> str:
-    if channel == SUPPLY or channel.startswith((PRESSURES, COMMANDS)):
-        return SUPPLY if channel == SUPPLY else channel.partition(".")[0] + "."
-    if channel.startswith(MUSCLES) and channel.endswith(".position"):
-        return "length"
-    return "." + channel.rpartition(".")[2]
-
-
-def _own_names(channel: str) -> tuple[str, ...]:
-    """What a channel is called in tables and bags of this suite, the best first."""
-    owner, _, field = channel.partition(".")[2].partition(".")
-    if channel.startswith(COMMANDS):  # what was sent is nearer to the valves than what was asked
-        topics = ("/sent_valve_commands", "/valve_commands")
-        in_bags = [f"{t}.{f}.{owner}" for t in topics for f in ("position", "effort")]
-    elif channel == SUPPLY:
-        in_bags = [f"/{SUPPLY}.fluid_pressure"]
-    else:
-        in_bags = [f"/{channel.partition('.')[0]}.{field or 'effort'}.{owner}"]
-    return (channel, *in_bags)
-
-
 def _measured(columns: Mapping[str, Array]) -> dict[str, Array]:
     """The columns without what a simulated rig knows of itself and what the model node computed."""
     topics = {name: name.partition(".")[0].split("/") for name in columns}
@@ -113,79 +59,9 @@ def _measured(columns: Mapping[str, Array]) -> dict[str, Array]:
     }
 
 
-def _expected(channel: str, rig: Rig) -> str:
-    """The unit of a channel of this rig; that of a command depends on the kind of its valve."""
-    if channel == "time":
-        return "s"
-    if channel.startswith(COMMANDS):
-        kind = rig.muscle(channel.removeprefix(COMMANDS)).valve.kind
-        return "-" if kind == "flow" else "Pa gauge"
-    return unit_of(channel)
-
-
-def _owner_score(channel: str, words: frozenset[str], rig: Rig) -> float:
-    """How well the words name the muscle or joint of a channel."""
-    owner = channel.partition(".")[2].partition(".")[0]
-    named = sum(any(_is_short_for(w, word) for w in words) for word in words_of(owner))
-    for joint in rig.joints:
-        if owner in joint.muscles and words & _SIDES[joint.muscles.index(owner)]:
-            named += 1
-    return _OWNER * named
-
-
-def _is_short_for(word: str, owner: str) -> bool:
-    """Whether a word is that of a name, or its beginning, as `flex` of `flexor`."""
-    return word == owner or (len(word) >= _SHORTEST and owner.startswith(word))
-
-
-def _kind_score(kind: str, column: ColumnName, expected: str, owner: float) -> float:
-    """How well the words name the kind of a channel; 0 where they suggest another kind."""
-    words = column.words
-    asked = bool(words & _ASKED)
-    quantity = words & (WORDS[".position"] | WORDS["time"] | WORDS[".effort"])
-    if kind != COMMANDS:
-        if asked and not words & (WORDS[COMMANDS] - _ASKED):
-            return 0.0  # a set point is no measurement
-        seen = kind == PRESSURES and words & _SEEN and (owner or column.unit)
-        named = any(words & other for other in WORDS.values())
-        by_unit = kind in _TOLD_BY_UNIT and not named and column.unit in dict(RECORDED[expected])
-        return KIND * len(words & WORDS[kind]) + (KIND / 2.0 if seen or by_unit else 0.0)
-    if asked and quantity - {"t"}:
-        return 0.0  # the reference of a joint
-    if words & WORDS[PRESSURES] and (expected == "-" or not asked):
-        return 0.0  # a pressure is the command of a regulator alone
-    return KIND * len(words & (WORDS[COMMANDS] | _ASKED))
-
-
-def _score(channel: str, place: int, column: ColumnName, rig: Rig) -> float:
-    """How well a column fits a channel by its name and unit; 0 where it does not."""
-    for rank, name in enumerate(_own_names(channel)):
-        if column.name == name or (name.startswith("/") and column.name.endswith(name)):
-            return _OWN_NAME - rank
-    if not column.is_of(_expected(channel, rig)):
-        return 0.0
-    return _score_of_words(channel, place, column, rig)
-
-
-def _score_of_words(channel: str, place: int, column: ColumnName, rig: Rig) -> float:
-    """How well the words of a column fit a channel, whatever its unit; 0 where they do not."""
-    owner = _owner_score(channel, column.words, rig)
-    if _is_derived(channel, column):
-        return 0.0
-    kind = _kind_score(_kind(channel), column, _expected(channel, rig), owner)
-    if not kind:
-        return 0.0
-    others = sum(
-        len(column.words & words) for other, words in WORDS.items() if other != _kind(channel)
-    )
-    by_word = str(place) in {word.lstrip("0") for word in column.words}
-    numbered = _NUMBER * (by_word if column.place is None else column.place == place)
-    return kind + owner + numbered - 0.5 * others
-
-
 def _unit(channel: str, column: ColumnName, values: Array, rig: Rig) -> str:
     """The unit that the name states, or that the size of the values suggests; empty for SI."""
-    expected = _expected(channel, rig)
+    expected = expected_unit(channel, rig)
     if column.unit:
         return column.unit if column.unit in dict(RECORDED.get(expected, ())) else ""
     finite = values[np.isfinite(values)]
@@ -266,13 +142,13 @@ def _best(
     places: dict[str, int] = {}
     scored: list[tuple[float, str, ColumnName]] = []
     for channel in channels:
-        kind = "time" if channel == "time" else _kind(channel)
+        kind = "time" if channel == "time" else kind_of(channel)
         place = places[kind] = places.get(kind, 0) + 1
         for column in read:
             if kind == "time":
                 score = time_score(column, columns[column.name], column.name == first)
             else:
-                score = _score(channel, place, column, rig)
+                score = score_of(channel, place, column, rig)
             if score > 0.0:
                 scored.append((score, channel, column))
     best = max((score for score, _, _ in scored), default=0.0)
@@ -289,11 +165,19 @@ def _best(
     for score, channel, column in scored:
         if score == reached.get(channel, 0.0) < _LEAST_OWN and channel != "time":
             alike.setdefault(channel, []).append(column.name)
+    # the steps of a time are those of one channel, which others may not share
+    measured = next((of.name for channel, of in found.items() if channel != "time"), None)
+    stamped = np.isfinite(columns[measured]) if measured else ...
     return [
         Proposed(
             channel,
             found[channel].name,
-            _unit(channel, found[channel], columns[found[channel].name], rig),
+            _unit(
+                channel,
+                found[channel],
+                columns[found[channel].name][stamped if channel == "time" else ...],
+                rig,
+            ),
             rest_of_time(columns, found[channel].name) if channel == "time" else (),
             found[channel].absolute and channel.startswith(PRESSURES),
             tuple(_others(alike.get(channel, []), found[channel].name, columns)),
@@ -309,87 +193,6 @@ def _others(names: list[str], taken: str, columns: Mapping[str, Array]) -> Itera
     for name in names:
         if not np.array_equal(columns[name], columns[taken], equal_nan=True):
             yield name
-
-
-def doubts(proposed: Sequence[Proposed], table: Table, rig: Rig) -> list[str]:
-    """What a person has to check of a proposal, or to add to it.
-
-    Parameters
-    ----------
-    proposed : sequence of Proposed
-        What was proposed.
-    table : Table
-        The columns of the log, with the text that is in them.
-    rig : Rig
-        The rig that was recorded.
-    """
-    found = [
-        f"{one.channel}: {all_shown(one.alike)} fits as well as {shown(one.column)}"
-        for one in proposed
-        if one.alike
-    ]
-    guessed: dict[str, list[str]] = {}
-    for one in proposed:
-        if one.is_guessed and one.unit:
-            guessed.setdefault(one.unit, []).append(one.column)
-    found += [f"{all_shown(of)}: taken for {unit} by the size" for unit, of in guessed.items()]
-    plain = [p.column for p in proposed if p.is_guessed and not p.unit and _needs_a_unit(p, rig)]
-    if plain:
-        found.append(f"{all_shown(plain)}: no unit is stated; taken for Pa")
-    used = {one.column for one in proposed}
-    names = [
-        ColumnName(name, table.units.get(name, ""), table.columns)
-        for name in table.columns
-        if name not in used
-    ]
-    there, benches = {one.channel for one in proposed}, bench_muscles(rig)
-    places: dict[str, int] = {}
-    for channel in wanted_channels(rig):
-        kind = _kind(channel)
-        place = places[kind] = places.get(kind, 0) + 1
-        muscle = channel.partition(".")[2].partition(".")[0]
-        is_needed = channel.startswith((PRESSURES, COMMANDS, JOINTS)) or (
-            channel.startswith(MUSCLES) and muscle in benches
-        )
-        if channel in there or not is_needed:
-            continue
-        scores = {name: _score_of_words(channel, place, name, rig) for name in names}
-        best = max(scores.values(), default=0.0)
-        for name in (each for each, score in scores.items() if score == best > 0.0):
-            reason = _why_left_out(channel, name, table, rig)
-            if reason:
-                found.append(f"{channel}: {shown(name.name)} looks like it, but {reason}")
-        if kind == "length":
-            rest = rig.muscle(muscle).rest_length
-            found += [
-                f"{channel}: {shown(name.name)} looks like a contraction; for a share of the rest "
-                f"length, write `scale: -{rest:g}, offset: {rest:g}` (`scale: -{0.01 * rest:g}` "
-                "for per cent)"
-                for name in names
-                if name.words & _CONTRACTION
-            ]
-    return found
-
-
-def _needs_a_unit(one: Proposed, rig: Rig) -> bool:
-    """Whether a column is a pressure under a name that is not one of this suite."""
-    own = any(one.column.endswith(name) for name in _own_names(one.channel))
-    return not own and _expected(one.channel, rig).startswith("Pa")
-
-
-def _why_left_out(channel: str, column: ColumnName, table: Table, rig: Rig) -> str:
-    """Why a column with the right words is not proposed; empty if it is not known."""
-    if not np.isfinite(table.columns[column.name]).any():
-        text = table.texts.get(column.name)
-        return f"holds {text}" if text else ""
-    if column.is_of(_expected(channel, rig)):
-        return ""
-    return "has another unit; `scale` and `offset` of the map can convert it"
-
-
-def _is_derived(channel: str, column: ColumnName) -> bool:
-    """Whether a word says that a column was computed, or is of another quantity."""
-    return bool((column.words & DERIVED) - set(words_of(channel.partition(".")[2])))
 
 
 def map_text(proposed: list[Proposed], rate: float = 0.0) -> str:

@@ -11,7 +11,8 @@ from typing import Final
 
 import numpy as np
 
-from pam_gap.import_log.column_name import WORDS, ColumnName, words_of
+from pam_gap.import_log.column_name import WORDS, ColumnName
+from pam_gap.recordings.name_words import words_of
 from pam_gap.recordings.plausible_units import LONGEST_STEP, SHORTEST_STEP
 from pam_gap.recordings.recording import Array
 from pam_model.unit_hints import RECORDED, units_that_fit
@@ -48,7 +49,7 @@ def unit_of_time(column: ColumnName, values: Array) -> str:
     if SHORTEST_STEP <= step <= LONGEST_STEP:
         return ""
     fitting = units_that_fit(step, "s", SHORTEST_STEP, LONGEST_STEP, RECORDED)
-    return fitting[0][0] if fitting else ""
+    return next((unit for unit, factor in fitting if factor < 1.0), "")
 
 
 def time_score(column: ColumnName, values: Array, is_first: bool) -> float:

@@ -2,7 +2,8 @@
 
 A two-dimensional array gives one column for each of its own, named `name.0`, `name.1`, and so on.
 What lies in a group, a structure or an object is called `group.name`, and what lies in a cell
-`name.0.field`. Text, single numbers and arrays of other lengths than the longest are left out.
+`name.0.field`. Single numbers and arrays of other lengths than the longest are left out, and so is
+text, but for that in a list of JSON, such as a date or the name of a signal.
 """
 
 from __future__ import annotations
@@ -86,12 +87,16 @@ def _leaves(name: str, value: Any) -> Named:
 
 
 def _numbers(values: Sequence[Any]) -> Any:
-    """A list as an array of numbers, with NaN for what is none; None if its rows differ."""
+    """A list as an array of numbers, or of objects if it holds text; None if its rows differ."""
     try:
         return np.array(values, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
         if any(isinstance(value, Sequence) and not isinstance(value, str) for value in values):
             return None
+    if any(isinstance(value, str) for value in values):
+        texts = np.empty(len(values), dtype=object)
+        texts[:] = values
+        return texts
     return np.array([_number(value) for value in values])
 
 
@@ -184,7 +189,7 @@ ARRAYS: Final = tuple(_READERS)
 
 
 def read_arrays(path: Path) -> dict[str, Any]:
-    """The numbers in a file as columns of equal length.
+    """The numbers in a file, and the text in lists of JSON, as columns of equal length.
 
     Parameters
     ----------
@@ -204,7 +209,7 @@ def read_arrays(path: Path) -> dict[str, Any]:
     """
     columns: dict[str, Any] = {}
     for name, array in _READERS[path.suffix.lower()](path):
-        if array is None or not np.issubdtype(array.dtype, np.number):
+        if array is None or not (array.dtype == object or np.issubdtype(array.dtype, np.number)):
             continue
         flat = np.squeeze(array)
         if flat.ndim == 1:

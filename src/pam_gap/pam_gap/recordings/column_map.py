@@ -42,6 +42,7 @@ from pam_gap.recordings.recording import (
     RawChannel,
     RecordingError,
 )
+from pam_model.errors import Reasons
 from pam_model.plain_yaml import PlainLoader
 from pam_model.reading import read_text, reading
 from pam_model.rig.types import NUMBERS
@@ -108,18 +109,22 @@ class ColumnMap:
     names: tuple[str, ...] = ()  # of all columns of a table without a line of names
 
     def apply(self, path: Path, columns: Mapping[str, Array]) -> dict[str, Array]:
-        """Time and channels of a table with these columns.
+        """Time and channels of a table with these columns, in which `refuse_missing` finds all.
 
         Raises
         ------
         RecordingError
-            When a column is missing; the message names those of the table.
+            When the columns of a sum have no time in common, or columns differ in length.
         """
-        if self.time is None and not self.rate:
-            raise RecordingError(f"{self.source}: expected either `time` or `rate` [Hz]")
-        self._refuse_missing(path, columns)
         measured = {name: entry for name, entry in self.channels.items() if entry.column}
         result = {name: entry.values(columns) for name, entry in measured.items()}
+        for name, entry in measured.items():
+            apart = entry.more and not np.isfinite(result[name]).any()
+            if apart and all(np.isfinite(columns[one]).any() for one in entry.columns):
+                raise RecordingError(
+                    f"{self.source}: {name}: {all_shown(entry.columns)} have no time in common in "
+                    f"{path}; expected columns of a sum that are recorded at the same times"
+                )
         count = min((values.size for values in result.values()), default=0)
         if self.time is not None:
             result["time"] = self.time.values(columns)
@@ -139,7 +144,23 @@ class ColumnMap:
         entries = [*self.channels.values(), *([] if self.time is None else [self.time])]
         return frozenset(name for entry in entries for name in entry.columns)
 
-    def _refuse_missing(self, path: Path, there: Collection[str]) -> None:
+    def refuse_missing(self, path: Path, there: Collection[str]) -> None:
+        """Refuse a table without a column of the map, and a map without a time for a table.
+
+        Raises
+        ------
+        RecordingError
+            The message names the columns, and those of the table.
+        """
+        reasons = Reasons(RecordingError)
+        with reasons.gathered():
+            if self.time is None and not self.rate:
+                raise RecordingError(f"{self.source}: expected either `time` or `rate` [Hz]")
+        with reasons.gathered():
+            self._refuse_columns_not_in(path, there)
+        reasons.refuse()
+
+    def _refuse_columns_not_in(self, path: Path, there: Collection[str]) -> None:
         missing = sorted(self.columns - set(there))
         if missing:
             raise RecordingError(
@@ -157,12 +178,16 @@ class ColumnMap:
         RecordingError
             When a column is missing, the map states a time, or stamps differ.
         """
-        if self.time is not None or self.rate or self.names:
-            raise RecordingError(
-                f"{self.source}: `names`, `time` and `rate` are for tables; {path} has names and "
-                "stamps"
-            )
-        self._refuse_missing(path, columns)
+        reasons = Reasons(RecordingError)
+        with reasons.gathered():
+            self._refuse_columns_not_in(path, columns)
+        with reasons.gathered():
+            if self.time is not None or self.rate or self.names:
+                raise RecordingError(
+                    f"{self.source}: `names`, `time` and `rate` are for tables; {path} has names "
+                    "and stamps"
+                )
+        reasons.refuse()
         result = {}
         for channel, entry in self.channels.items():
             if not entry.column:
@@ -249,32 +274,53 @@ def _column(channel: str, entry: Any, source: Path) -> MappedColumn:
             f"{where}: expected the name of a column, or a mapping with one of `column`, `columns` "
             "and `held`"
         )
-    unknown = sorted(set(map(str, entry)) - _KEYS)
-    if unknown:
-        raise RecordingError(
-            f"{where}: unknown key {all_shown(unknown)}; known are {', '.join(sorted(_KEYS))}"
-        )
-    factor = _number(entry, "scale", 1.0, where)
-    if "unit" in entry:
-        factor *= _factor(channel, str(entry["unit"]), where)
-    sign = _number(entry, "sign", 1.0, where)
-    if abs(sign) != 1.0 or factor == 0.0 or not math.isfinite(factor):
-        raise RecordingError(f"{where}: expected a sign of 1 or -1 and a finite scale other than 0")
+    reasons = Reasons(RecordingError)
+    with reasons.gathered():
+        _refuse_unknown(entry, _KEYS, where)
+    factor, sign, offset, held = 1.0, 1.0, 0.0, 0.0
+    with reasons.gathered():
+        factor = _number(entry, "scale", 1.0, where)
+    with reasons.gathered():
+        if "unit" in entry:
+            factor *= _factor(channel, str(entry["unit"]), where)
+    with reasons.gathered():
+        sign = _number(entry, "sign", 1.0, where)
+    with reasons.gathered():
+        if abs(sign) != 1.0 or factor == 0.0 or not math.isfinite(factor):
+            raise RecordingError(
+                f"{where}: expected a sign of 1 or -1 and a finite scale other than 0"
+            )
+    with reasons.gathered():
+        offset = _number(entry, "offset", 0.0, where)
+    with reasons.gathered():
+        if "held" in entry:
+            if not channel.endswith(".position"):
+                raise RecordingError(f"{where}: only a length or a position can be `held`")
+            held = _number(entry, "held", 0.0, where)
+        else:
+            offset -= _zero_of_absolute(channel, entry, where)
+    terms: list[tuple[str, float]] = []
+    for name in entry.get("columns", ()):
+        with reasons.gathered():
+            terms.append((str(name), _number(entry["columns"], name, 1.0, where)))
+    with reasons.gathered():
+        if "columns" in entry and not entry["columns"]:
+            raise RecordingError(f"{where}: `columns` is empty; expected column: weight")
+    reasons.refuse()
     if "held" in entry:
-        if not channel.endswith(".position"):
-            raise RecordingError(f"{where}: only a length or a position can be `held`")
-        held = _number(entry, "held", 0.0, where)
-        return MappedColumn("", 0.0, sign * factor * held + _number(entry, "offset", 0.0, where))
-    offset = _number(entry, "offset", 0.0, where)
-    offset -= _zero_of_absolute(channel, entry, where)
+        return MappedColumn("", 0.0, sign * factor * held + offset)
     if "column" in entry:
         return MappedColumn(entry["column"], sign * factor, offset)
-    weights = {str(name): value for name, value in entry["columns"].items()}
-    terms = [(name, _number(weights, name, 1.0, where)) for name in weights]
-    if not terms:
-        raise RecordingError(f"{where}: `columns` is empty; expected column: weight")
     (first, weight), *more = terms
     return MappedColumn(first, sign * factor, offset, weight, tuple(more))
+
+
+def _refuse_unknown(entry: Mapping[Any, Any], known: Collection[str], where: str) -> None:
+    unknown = sorted(set(map(str, entry)) - set(known))
+    if unknown:
+        raise RecordingError(
+            f"{where}: unknown key {all_shown(unknown)}; known are {', '.join(sorted(known))}"
+        )
 
 
 def load_column_map(path: str | Path) -> ColumnMap:
@@ -283,7 +329,8 @@ def load_column_map(path: str | Path) -> ColumnMap:
     Raises
     ------
     RecordingError
-        When it cannot be read, or a channel, key, unit or number in it is wrong.
+        When it cannot be read, or channels, keys, units or numbers in it are wrong; the message has
+        one line for each.
     """
     source = Path(path)
     with reading(source, "a readable map of columns", RecordingError):
@@ -302,30 +349,39 @@ def _names(given: Any, source: Path) -> tuple[str, ...]:
 def _map_of(content: Any, source: Path) -> ColumnMap:
     if not isinstance(content, Mapping) or not isinstance(content.get("channels"), Mapping):
         raise RecordingError(f"{source}: no `channels`; expected channel: column")
-    unknown = sorted(set(map(str, content)) - {"names", "time", "rate", "channels"})
-    if unknown:
-        raise RecordingError(
-            f"{source}: unknown key {all_shown(unknown)}; known are names, time, rate, channels"
-        )
-    if "time" in content and "rate" in content:
-        raise RecordingError(f"{source}: expected either `time` or `rate` [Hz]")
-    if not any(
-        not isinstance(entry, Mapping) or "held" not in entry
-        for entry in content["channels"].values()
-    ):
-        raise RecordingError(f"{source}: `channels` is empty: no column is mapped")
-    strangers = [str(name) for name in content["channels"] if unit_of(str(name)) in ("?", "s")]
-    if strangers:
-        raise RecordingError(
-            f"{source}: {all_shown(strangers)}: no channel; expected {PRESSURES}<muscle>, "
-            f"{COMMANDS}<muscle>, {JOINTS}<joint>.position, {MUSCLES}<muscle>.effort or {SUPPLY}"
-        )
-    channels = {str(k): _column(str(k), v, source) for k, v in content["channels"].items()}
-    names = _names(content["names"], source) if "names" in content else ()
-    if "rate" in content:
-        rate = _number(content, "rate", 0.0, str(source))
-        if not rate > 0.0:
-            raise RecordingError(f"{source}: rate is {rate:g}; expected Hz above 0")
-        return ColumnMap(source, channels, None, rate, names)
-    time = _column("time", content["time"], source) if "time" in content else None
-    return ColumnMap(source, channels, time, names=names)
+    reasons = Reasons(RecordingError)
+    with reasons.gathered():
+        _refuse_unknown(content, ("names", "time", "rate", "channels"), str(source))
+    with reasons.gathered():
+        if "time" in content and "rate" in content:
+            raise RecordingError(f"{source}: expected either `time` or `rate` [Hz]")
+    entries = {str(name): entry for name, entry in content["channels"].items()}
+    with reasons.gathered():
+        if all(isinstance(entry, Mapping) and "held" in entry for entry in entries.values()):
+            raise RecordingError(f"{source}: `channels` is empty: no column is mapped")
+    strangers = [name for name in entries if unit_of(name) in ("?", "s")]
+    with reasons.gathered():
+        if strangers:
+            raise RecordingError(
+                f"{source}: {all_shown(strangers)}: no channel; expected {PRESSURES}<muscle>, "
+                f"{COMMANDS}<muscle>, {JOINTS}<joint>.position, {MUSCLES}<muscle>.effort or "
+                f"{SUPPLY}"
+            )
+    channels: dict[str, MappedColumn] = {}
+    for name in (name for name in entries if name not in strangers):
+        with reasons.gathered():
+            channels[name] = _column(name, entries[name], source)
+    names, rate, time = tuple[str, ...](), 0.0, None
+    with reasons.gathered():
+        if "names" in content:
+            names = _names(content["names"], source)
+    with reasons.gathered():
+        if "rate" in content:
+            rate = _number(content, "rate", 0.0, str(source))
+            if not rate > 0.0:
+                raise RecordingError(f"{source}: rate is {rate:g}; expected Hz above 0")
+    with reasons.gathered():
+        if "time" in content:
+            time = _column("time", content["time"], source)
+    reasons.refuse()
+    return ColumnMap(source, channels, time, rate, names)

@@ -12,6 +12,7 @@ import pandas as pd
 from pam_gap.recordings.array_files import ARRAYS, read_arrays
 from pam_gap.recordings.array_process import APART, read_arrays_apart
 from pam_gap.recordings.column_map import ColumnMap
+from pam_gap.recordings.name_words import roles_of
 from pam_gap.recordings.recording import (
     COMMANDS,
     JOINTS,
@@ -26,6 +27,7 @@ from pam_gap.recordings.recording import (
 from pam_gap.recordings.size_limits import Allowance
 from pam_gap.recordings.text_table import Table, read_text_table
 from pam_gap.recordings.unpacked import PACKINGS
+from pam_model.errors import Reasons
 from pam_model.reading import reading
 from pam_ros.foreign_text import all_shown, shown
 
@@ -76,7 +78,10 @@ def read_columns(path: Path, rows: int | None = None, names: Sequence[str] = ())
             raise ValueError("its columns have names; expected no `names` in the map")
         if path.suffix.lower() in ARRAYS:
             read = read_arrays_apart if path.suffix.lower() in APART else read_arrays
-            return Table({name.strip(): _real(array) for name, array in read(path).items()})
+            arrays = {name.strip(): _real(array) for name, array in read(path).items()}
+            if roles_of(list(arrays)) or any(array.dtype == object for array in arrays.values()):
+                return Table.of_frame(pd.DataFrame(arrays))
+            return Table(arrays)
         if path.suffix.lower() in PARQUET:
             return Table.of_frame(_parquet(path))
         return read_text_table(path, rows, names)
@@ -85,7 +90,7 @@ def read_columns(path: Path, rows: int | None = None, names: Sequence[str] = ())
 def _real(array: Any) -> Any:
     if np.iscomplexobj(array):
         raise ValueError("an array of complex numbers")
-    return np.asarray(array, dtype=np.float64)
+    return array if array.dtype == object else np.asarray(array, dtype=np.float64)
 
 
 def _parquet(path: Path) -> Any:
@@ -116,12 +121,18 @@ def read_table(path: Path, column_map: ColumnMap | None = None) -> RawRecording:
     table = read_columns(path, names=column_map.names if column_map else ())
     remarks = list(table.remarks)
     if column_map is not None:
+        reasons = Reasons(RecordingError)
+        with reasons.gathered():
+            column_map.refuse_missing(path, table.columns)
+        with reasons.gathered():
+            _refuse_without_numbers(path, table, column_map)
+        reasons.refuse()
         mapped = column_map.apply(path, table.columns)
-        _refuse_without_numbers(path, table, column_map)
         remarks += [f"{shown(n)}: {_entries(table, n)}" for n in sorted(column_map.columns)
                     if n in table.texts]  # fmt: skip
         time = mapped.pop("time")
-        return from_columns(path, time, mapped, [*remarks, f"read by {column_map.source}"])
+        remarks.append(f"read by {column_map.source}")
+        return from_columns(path, time, mapped, remarks, one_clock=table.one_clock)
     if "time" not in table.columns:
         raise RecordingError(
             f"{path}: no column 'time' [s]; found {all_shown(table.columns) or 'none'}; "
@@ -144,7 +155,7 @@ def read_table(path: Path, column_map: ColumnMap | None = None) -> RawRecording:
         )
     if not columns:
         raise RecordingError(f"{path}: no channel of the rig contract except 'time'")
-    return from_columns(path, time, columns, remarks)
+    return from_columns(path, time, columns, remarks, one_clock=table.one_clock)
 
 
 def _entries(table: Table, name: str) -> str:
@@ -158,7 +169,8 @@ def _without_numbers(table: Table, name: str) -> str:
 
 def _refuse_without_numbers(path: Path, table: Table, column_map: ColumnMap) -> None:
     """Refuse a map that names columns without a number, and say what they hold instead."""
-    empty = [n for n in sorted(column_map.columns) if not np.isfinite(table.columns[n]).any()]
+    named = [name for name in sorted(column_map.columns) if name in table.columns]
+    empty = [name for name in named if not np.isfinite(table.columns[name]).any()]
     if empty:
         told = "; ".join(f"column {shown(n)} {_without_numbers(table, n)}" for n in empty[:3])
         more = f"; {len(empty) - 3} more columns" if len(empty) > 3 else ""

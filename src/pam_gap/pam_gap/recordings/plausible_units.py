@@ -25,6 +25,7 @@ from pam_gap.recordings.recording import (
     Recording,
     RecordingError,
 )
+from pam_model.errors import Reasons
 from pam_model.rig import Rig
 from pam_model.robot import compose
 from pam_model.unit_hints import conversion_hint
@@ -78,29 +79,46 @@ def refuse_other_units(rig: Rig, joint: int, recordings: Sequence[Recording]) ->
     Raises
     ------
     RecordingError
-        The message names the recording, the channel, the value seen, the expectation and, where it
-        can be recognised, the unit and how to convert it.
+        The message has a line for each channel, with the recording, the value seen, the
+        expectation and, where it can be recognised, the unit and how to convert it.
     """
+    reasons = Reasons(RecordingError)
     for recording in recordings:
-        _check_muscles(rig, rig.joints[joint].muscles, recording)
-        _check_position(rig, joint, recording)
+        with reasons.gathered():
+            _check_muscles(rig, rig.joints[joint].muscles, recording)
+        with reasons.gathered():
+            _check_position(rig, joint, recording)
+    reasons.refuse()
 
 
 def refuse_other_units_on_bench(rig: Rig, muscle: str, recordings: Sequence[Recording]) -> None:
     """Refuse recordings of one muscle on a bench, as `refuse_other_units` does those of a joint."""
+    reasons = Reasons(RecordingError)
     for recording in recordings:
-        _check_muscles(rig, (muscle,), recording)
+        with reasons.gathered():
+            _check_muscles(rig, (muscle,), recording)
+    reasons.refuse()
 
 
 def _check_muscles(rig: Rig, muscles: Sequence[str], recording: Recording) -> None:
-    _check_time(recording)
-    _check_pressures(rig, muscles, recording)
-    _check_supply(rig, recording)
+    reasons = Reasons(RecordingError)
+    with reasons.gathered():
+        _check_time(recording)
+    with reasons.gathered():
+        _check_pressures(rig, muscles, recording)
+    is_scaled = not reasons.lines
+    with reasons.gathered():
+        _check_supply(rig, recording)
     for muscle in muscles:
-        _check_command(rig, muscle, recording)
-        _check_shut(rig, muscle, recording)
-        _check_absolute(rig, muscle, recording)
-        _check_force_and_length(rig, muscle, recording)
+        with reasons.gathered():
+            _check_command(rig, muscle, recording)
+            # what follows compares the command with the pressure
+            if is_scaled and recording.has(f"{PRESSURES}{muscle}"):
+                _check_shut(rig, muscle, recording)
+                _check_absolute(rig, muscle, recording)
+        with reasons.gathered():
+            _check_force_and_length(rig, muscle, recording)
+    reasons.refuse()
 
 
 def _refuse(recording: Recording, channel: str, seen: str, expected: str, hint: str = "") -> None:
@@ -122,30 +140,40 @@ def _check_time(recording: Recording) -> None:
 
 def _check_pressures(rig: Rig, muscles: Sequence[str], recording: Recording) -> None:
     supply = rig.supply_pressure - rig.gas.ambient_pressure
-    channels = [f"{PRESSURES}{m}" for m in muscles]
+    channels = [f"{PRESSURES}{m}" for m in muscles if recording.has(f"{PRESSURES}{m}")]
+    if not channels:
+        return
     sizes = [_largest(recording, channel) for channel in channels]
     largest = max(sizes)
     ambient = rig.gas.ambient_pressure
     lowest = min(float(recording.values[channel].min()) for channel in channels)
+    expected = f"Pa gauge, up to {supply:.3g} by supply_pressure in the rig file"
+    reasons = Reasons(RecordingError)
     if (
         ABOVE_SUPPLY * supply < largest < ABOVE_SUPPLY * (supply + ambient)
         and lowest > (1.0 - NEAR_AMBIENT) * ambient
         and recording.mounting != SHUT
     ):
-        seen = f"reaches {largest:.4g} and never falls below {lowest:.4g}"
-        expected = f"Pa gauge, up to {supply:.3g} by supply_pressure in the rig file"
         hint = f"; looks like Pa absolute (subtract {ambient:.6g})"
-        _refuse(recording, channels[sizes.index(largest)], seen, expected, hint)
-    if LEAST_SHARE * supply <= largest <= LARGEST_SHARE * supply:
+        for channel, size in zip(channels, sizes, strict=True):
+            with reasons.gathered():
+                seen = f"reaches {size:.4g} and never falls below {lowest:.4g}"
+                _refuse(recording, channel, seen, expected, hint)
+    elif LEAST_SHARE * supply <= largest <= LARGEST_SHARE * supply:
         for channel in channels:
-            _check_one_pressure(recording, channel, supply)
-        return
-    hint = conversion_hint(largest, "Pa gauge", USUAL_SHARE * supply, 1.1 * supply)
-    if largest < supply and lowest < -0.5 * largest:
-        hint = "; this is noise about zero: record while the muscles hold pressure"
-    expected = f"Pa gauge, up to {supply:.3g} by supply_pressure in the rig file"
-    seen = f"never exceeds {largest:.4g}" if largest < supply else f"reaches {largest:.4g}"
-    _refuse(recording, channels[sizes.index(largest)], seen, expected, hint)
+            with reasons.gathered():
+                _check_one_pressure(recording, channel, supply)
+    else:
+        for channel, size in zip(channels, sizes, strict=True):
+            hint = conversion_hint(size, "Pa gauge", USUAL_SHARE * supply, 1.1 * supply)
+            if not hint and size < largest:
+                continue  # of an empty muscle, or in the unit of the contract
+            if largest < supply and lowest < -0.5 * largest:
+                hint = "; this is noise about zero: record while the muscles hold pressure"
+            seen = f"never exceeds {size:.4g}" if size < supply else f"reaches {size:.4g}"
+            with reasons.gathered():
+                _refuse(recording, channel, seen, expected, hint)
+    reasons.refuse()
 
 
 def _check_one_pressure(recording: Recording, channel: str, supply: float) -> None:

@@ -134,14 +134,27 @@ class Recording:
 
 
 def from_columns(
-    source: Path, time: Array, columns: Mapping[str, Array], remarks: list[str] | None = None
+    source: Path,
+    time: Array,
+    columns: Mapping[str, Array],
+    remarks: list[str] | None = None,
+    *,
+    one_clock: bool = True,
 ) -> RawRecording:
-    """A raw recording made of columns that share one `time` column [s]."""
+    """A raw recording made of columns with one `time` column [s].
+
+    Without `one_clock`, a column has NaN at the times of other signals. Its samples are the rest.
+    """
     if float(np.nanmax(np.abs(time), initial=0.0)) > _EPOCH:
         time = time - np.nanmin(time)  # keeps microseconds in a double
     return RawRecording(
         source,
-        {name: RawChannel(time.copy(), values) for name, values in columns.items()},
+        {name: _samples(time, values, one_clock) for name, values in columns.items()},
         list(remarks or []),
-        one_clock=True,
+        one_clock,
     )
+
+
+def _samples(time: Array, values: Array, one_clock: bool) -> RawChannel:
+    own = np.ones(values.size, dtype=np.bool_) if one_clock else np.isfinite(values)
+    return RawChannel(time[own], values[own])

@@ -276,7 +276,11 @@ def resample(raw: RawRecording, step: float | None = None) -> Recording:
     periods = _periods(channels)
     chosen = step if step is not None else round(min(periods.values()), 6)
     if not chosen > 0.0:
-        raise RecordingError(f"{raw.source}: time does not advance; expected increasing seconds")
+        step = min(periods.values())
+        raise RecordingError(
+            f"{raw.source}: time advances by {step:.3g} s per sample; expected seconds that "
+            "increase (of days, `scale: 86400` in the map makes seconds)"
+        )
     for name, channel in channels.items():
         spread = float(np.percentile(np.abs(np.diff(channel.time) / periods[name] - 1.0), 99))
         if spread > 0.05:

@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
+from pam_gap.recordings.name_words import VALUE_WORD, is_unit_word, names_a_long_table
 from pam_model.table_dialect import decimal_mark, separator
 from pam_ros.foreign_text import all_shown, shown
 
@@ -22,6 +23,10 @@ _SEPARATORS: Final = (";", "\t", "|", ",", None)
 """In the order in which they are preferred; None stands for blanks."""
 _JUDGED: Final = 64
 """Cells of a line that are looked at, so that a line of 100,000 columns costs no more."""
+_REMARKS: Final = 3
+"""Lines above the rows among which the names are sought."""
+_ENOUGH_NAMES: Final = 4
+"""Columns that tell a line of names from a setting of the instrument, if it is not the next."""
 _LAST: Final = 8
 """Lines at the end that tell how many columns there are."""
 _NUMBER: Final = re.compile(
@@ -47,7 +52,8 @@ UNIT_SPELLINGS: Final = {
     "second": "s", "seconds": "s", "secs": "s", "milliseconds": "ms", "microseconds": "us",
     "nanoseconds": "ns", "pascal": "Pa", "newton": "N", "newtons": "N", "radian": "rad",
     "radians": "rad", "metre": "m", "metres": "m", "meter": "m", "meters": "m", "volt": "V",
-    "volts": "V", "gradi": "deg", "grados": "deg", "degrés": "deg",
+    "volts": "V", "gradi": "deg", "grados": "deg", "degrés": "deg", "min": "min", "minutes": "min",
+    "h": "h", "hours": "h",
 }  # fmt: skip
 """How units are written below or behind the names, without upper case, and the unit."""
 _ZERO: Final = re.compile(
@@ -87,16 +93,29 @@ def _share(cells: Sequence[str]) -> float:
     return sum(_NUMBER.fullmatch(cell) is not None for cell in plain) / len(filled)
 
 
+def _kind(cell: str) -> bool | None:
+    """Whether a cell is a number; None if it is empty or a word for nothing."""
+    return bool(_share([cell])) if cell.lower() not in _NOTHING else None
+
+
 def _first_row(rows: Rows) -> tuple[int, float]:
     """Place of the first row of numbers, and how well the lines from there on are rows; -1, 0."""
     widths = [len(cells) for _, cells in rows]
     width = Counter(widths[-_LAST:]).most_common(1)[0][0]
     shares = [_share(cells) if len(cells) == width else 0.0 for _, cells in rows]
-    good = [share >= 0.5 for share in shares]
+    begins = Counter(_kind(cells[0]) for _, cells in rows if len(cells) == width)
+    begin = begins.most_common(1)[0][0]
+    good = [
+        len(cells) == width
+        and (share >= 0.5 or (begin is True and share > 0.0))
+        and (begin is False or _kind(cells[0]) is not False)
+        for (_, cells), share in zip(rows, shares, strict=True)
+    ]
     for place, is_row in enumerate(good):
-        # a line of the metadata may look like a row, but not the lines below it
+        # a line of the metadata may look like a row, but not the lines below it; where rows begin
+        # with a number, such as a time, their other cells may be text, and a word begins no row
         if is_row and all(good[place : place + 3]):
-            fitting = [share for share in shares[place:] if share >= 0.5]
+            fitting = [shares[k] for k in range(place, len(rows)) if good[k]]
             alone = 0.5 if width == 1 else 1.0  # "1,2" is one number only where nothing else fits
             return place, alone * len(fitting) * (sum(fitting) / len(fitting)) ** 2
     return -1, 0.0
@@ -139,7 +158,7 @@ def _pressure_and_zero(plain: str) -> tuple[str, ...]:
 
 
 def _are_units(cells: Sequence[str]) -> bool:
-    filled = [cell for cell in cells if cell.strip(" []()")]
+    filled = [cell for cell in cells if cell.strip(" []()") and not is_unit_word(cell)]
     return bool(filled) and all(unit_spelt(cell) for cell in filled)
 
 
@@ -163,6 +182,8 @@ def find_layout(lines: Sequence[str], given: Sequence[str] = ()) -> TableLayout:
     body = [(k, line) for k, line in told if not line.lstrip().startswith(COMMENT)]
     if len(body) < (1 if given else 2):
         raise ValueError("it holds no rows below a line of names")
+    if long := _long_layout(body):
+        return long
     best: tuple[float, int, str | None, Rows] = (0.0, -1, None, [])
     for between in _SEPARATORS:
         rows = [(k, _cells(line, between)) for k, line in body]
@@ -175,11 +196,7 @@ def find_layout(lines: Sequence[str], given: Sequence[str] = ()) -> TableLayout:
         names = _cells(body[0][1], between)
         return TableLayout(tuple(names), {}, between, ".", body[0][0] + 1)
     first, cells = rows[place]
-    units: list[str] = []
-    above = rows[place - 1][1] if place else []
-    if place > 1 and _are_units(above) and len(rows[place - 2][1]) == len(above):
-        units, above = above, rows[place - 2][1]
-    names = _fitted(above, cells, body[place - 1][1] if place and not units else "")
+    names, units = _names_above(rows, body, place)
     if not names:
         above_it = [line for k, line in told if k < first and line.lstrip().startswith(COMMENT)]
         comments = [line.strip("#% ") for line in above_it]
@@ -201,6 +218,18 @@ def find_layout(lines: Sequence[str], given: Sequence[str] = ()) -> TableLayout:
     return TableLayout(tuple(names), kept, between, decimal_mark(text, between), first)
 
 
+def _long_layout(body: list[tuple[int, str]]) -> TableLayout | None:
+    """The layout of a long table, whose rows may hold more text than numbers; None without one."""
+    for place, (_, line) in enumerate(body[:-1]):
+        for between in filter(None, _SEPARATORS) if VALUE_WORD.search(line) else ():
+            names = _cells(line, between)
+            if names_a_long_table(names):
+                text = [row for _, row in body[place + 1 :]]
+                first = body[place + 1][0]
+                return TableLayout(tuple(names), {}, between, decimal_mark(text, between), first)
+    return None
+
+
 def _fitted(names: list[str], cells: list[str], line: str) -> list[str]:
     """The names if they fit the cells of the first row; empty if they do not."""
     apart = [part.strip() for part in re.split(r"\s{2,}|\t", line.strip()) if part.strip()]
@@ -215,6 +244,38 @@ def _fitted(names: list[str], cells: list[str], line: str) -> list[str]:
         if len(found) == len(cells) - 1:  # a separator at the end of each row, or numbers of rows
             return [*found, ""] if not cells[-1] else ["", *found]
     return []
+
+
+def _names_above(rows: Rows, body: list[tuple[int, str]], place: int) -> list[list[str]]:
+    """The names above the rows that begin at a place, and the units between; empty without.
+
+    A line that says that the rows begin may stand between. Names may be spread over two lines.
+    """
+    cells = rows[place][1]
+    for line in range(place - 1, max(place - 1 - _REMARKS, -1), -1):
+        above, units, top = rows[line][1], list[str](), line
+        if line < place - 1 and (len(above) != len(cells) or len(cells) < _ENOUGH_NAMES):
+            continue
+        if line and _are_units(above) and len(rows[line - 1][1]) == len(above):
+            units, above, top = above, rows[line - 1][1], line - 1
+        names = _fitted(above, cells, "" if units else body[line][1])
+        told = [name for name in names if name]
+        if len(set(told)) < len(told) and top > 0:
+            names = _with_line_above(names, _fitted(rows[top - 1][1], cells, ""))
+        if names:
+            return [names, units]
+    return [[], []]
+
+
+def _with_line_above(names: list[str], above: list[str]) -> list[str]:
+    """Names that are spread over two lines, the upper of which may leave repeated cells empty."""
+    if not any(above) or any(map(unit_spelt, above)):
+        return names
+    left, both = "", []
+    for upper, name in zip(above, names, strict=True):
+        left = upper or left
+        both.append(f"{left} {name}".strip() if name else "")
+    return both
 
 
 def _no_names(first: int, cells: list[str], body: list[tuple[int, str]], place: int) -> str:

@@ -1,8 +1,7 @@
 """Reads tables of text as laboratory programs write them, with any usual separator, packed or not.
 
-The first lines tell the layout. A column of text may hold numbers with their sign apart, dates,
-which become seconds since 1970 (UTC where no zone is given), or times of day, which become seconds
-since midnight.
+The first lines tell the layout, `cell_numbers` reads the cells of text, and `long_table` the tables
+with one row for each sample of each signal.
 """
 
 from __future__ import annotations
@@ -18,34 +17,22 @@ from typing import Any, Final
 import numpy as np
 import pandas as pd
 
+from pam_gap.recordings.cell_numbers import Text, numbers_in, over_midnight
+from pam_gap.recordings.long_table import wide_of
 from pam_gap.recordings.recording import Array
-from pam_gap.recordings.table_layout import COMMENT, MINUS, find_layout, numbered, refuse_doubled
+from pam_gap.recordings.table_layout import COMMENT, find_layout, numbered, refuse_doubled
 from pam_gap.recordings.unpacked import open_unpacked
 from pam_model.table_dialect import encoding_of
-from pam_ros.foreign_text import shown
 
 _LINES: Final = 200
 """Lines that are looked at."""
 _FEWEST_LINES, _ENOUGH = 4, 1 << 20
 """So many suffice if they have so many bytes, as with 100,000 columns."""
+_OPEN: Final = re.compile(r'(?:^|[;,\t|])\s*"[^"]*$')
+_CLOSED: Final = re.compile(r'[^"]*"\s*(?:[;,\t|]|$)')
+"""The end of a line in a quoted cell, and the beginning of the next line."""
 _LONGEST_LINE: Final = 1 << 24
 """Bytes in which a line must end."""
-_TIME_OF_DAY: Final = r"(\d{1,2}):(\d{2}):(\d{2}(?:[.,:]\d+)?)(?: ?([aApP])\.?[mM]\.?)?"
-_TWO_ORDERS: Final = rf"(\d{{1,2}})([/.])(\d{{1,2}})[/.](\d{{4}})[T ,]+{_TIME_OF_DAY}"
-"""A date with the year behind it, which begins with the month or the day."""
-_DAY: Final = 86400.0
-
-
-@dataclass(frozen=True, slots=True)
-class Text:
-    """The entries of a column that are no numbers."""
-
-    count: int  # how many there are
-    first: str  # the first of them
-    row: int  # its row, from 1
-
-    def __str__(self) -> str:
-        return f"text such as {shown(self.first)} in row {self.row}"
 
 
 @dataclass(slots=True)
@@ -57,12 +44,16 @@ class Table:
     # units that stand below the names, as `bar` or `bar absolute`
     units: dict[str, str] = field(default_factory=dict)
     remarks: list[str] = field(default_factory=list)  # what was not read
+    one_clock: bool = True  # whether all columns share their times; not in a long table
 
     @classmethod
     def of_frame(cls, frame: Any, decimal: str = ".") -> Table:
         """The columns of a data frame; of two with one name, ValueError is raised."""
         names = [str(name).strip() for name in frame.columns]
         refuse_doubled(names)
+        wide = wide_of(frame.set_axis(names, axis=1), decimal)
+        if wide is not None:
+            return cls(wide.columns, wide.texts, {}, wide.remarks, wide.one_clock)
         table = cls(dict.fromkeys(names, np.zeros(0)))
         plain = [isinstance(kind, np.dtype) and kind.kind in "biuf" for kind in frame.dtypes]
         numeric = frame if all(plain) else frame.loc[:, plain]
@@ -71,13 +62,13 @@ class Table:
         kinds: dict[str, str] = {}
         for place in np.flatnonzero(~np.array(plain, dtype=np.bool_)):
             name = names[place]
-            table.columns[name], text, kind = _numbers(frame.iloc[:, place], decimal)
+            table.columns[name], text, kind = numbers_in(frame.iloc[:, place], decimal)
             kinds[name] = kind
             if text is not None:
                 table.texts[name] = text
         if "date" not in kinds.values():
             for name in (name for name, kind in kinds.items() if kind == "clock"):
-                table.columns[name] = _over_midnight(table.columns[name])
+                table.columns[name] = over_midnight(table.columns[name])
         return table
 
 
@@ -100,7 +91,18 @@ def _head(path: Path) -> tuple[list[str], str]:
                 break
     encoding = encoding_of(bytes(start))
     text = codecs.getincrementaldecoder(encoding)(errors="replace").decode(bytes(start))
-    return re.split(r"\r\n|\n|\r", text), encoding
+    return _with_whole_cells(re.split(r"\r\n|\n|\r", text)), encoding
+
+
+def _with_whole_cells(lines: list[str]) -> list[str]:
+    """The lines, of which two are one where a quoted cell has two lines, as a name and its unit."""
+    found: list[str] = []
+    for line in lines:
+        if found and _OPEN.search(found[-1]) and _CLOSED.match(line):
+            found[-1] += f" {line}"
+        else:
+            found.append(line)
+    return found
 
 
 def read_text_table(path: Path, rows: int | None = None, names: Sequence[str] = ()) -> Table:
@@ -131,14 +133,14 @@ def read_text_table(path: Path, rows: int | None = None, names: Sequence[str] = 
             encoding=encoding, encoding_errors="replace", skipinitialspace=True, nrows=rows,
             index_col=False, on_bad_lines="warn", low_memory=False,
         )  # fmt: skip
-    frame = _without_comments(frame)
+    frame = _without_repeated_names(_without_comments(frame), layout.names)
     # a column without a name is used by nobody
     if not all(layout.names):
         frame = frame.loc[:, [bool(name) for name in layout.names]]
     unique = numbered(layout.names)
     frame.columns = [name for name in unique if name]
     table = Table.of_frame(frame, layout.decimal)
-    table.units = layout.units
+    table.units = {name: unit for name, unit in layout.units.items() if name in table.columns}
     _leave_out_doubled(table, dict(zip(unique, layout.names, strict=True)))
     long = re.findall(r"Skipping line (\d+): expected", "".join(str(w.message) for w in told))
     if long:
@@ -149,12 +151,24 @@ def read_text_table(path: Path, rows: int | None = None, names: Sequence[str] = 
     return table
 
 
+def _without_repeated_names(frame: Any, names: Sequence[str]) -> Any:
+    """The rows that do not repeat the names, as where files were joined."""
+    named = [place for place, name in enumerate(names) if name]
+    if any(pd.api.types.is_numeric_dtype(frame.iloc[:, place].dtype) for place in named):
+        return frame
+    repeated = np.ones(len(frame), dtype=np.bool_)
+    for place in named:
+        cells = frame.iloc[:, place].astype("string").str.strip().fillna("")
+        repeated &= (cells == names[place]).to_numpy(bool)
+    return frame.loc[~repeated].infer_objects() if repeated.any() else frame
+
+
 def _leave_out_doubled(table: Table, original: dict[str, str]) -> None:
     """Keep one of two columns with the same name and the same numbers, as a time of each channel.
 
     `original` has the name that each column has in the file.
     """
-    doubled = [name for name in table.columns if name != original[name]]
+    doubled = [name for name in table.columns if name != original.get(name, name)]
     for name in doubled:
         first = original[name]
         if not np.array_equal(table.columns[name], table.columns[first], equal_nan=True):
@@ -169,120 +183,3 @@ def _without_comments(frame: Any) -> Any:
     if pd.api.types.is_numeric_dtype(first.dtype):
         return frame
     return frame.loc[~first.astype("string").str.startswith(COMMENT).fillna(False).to_numpy(bool)]
-
-
-def _numbers(column: Any, decimal: str) -> tuple[Array, Text | None, str]:
-    """A column as numbers, the entries that are none, and whether it is a "date" or "clock"."""
-    kind = column.dtype
-    if pd.api.types.is_datetime64_any_dtype(kind):
-        return _since_1970(pd.to_datetime(column, utc=True)), None, "date"
-    if pd.api.types.is_timedelta64_dtype(kind):
-        return (column / pd.Timedelta(seconds=1)).to_numpy(np.float64, na_value=np.nan), None, ""
-    if pd.api.types.is_numeric_dtype(kind):
-        return column.to_numpy(dtype=np.float64, na_value=np.nan), None, ""
-    there = column.notna().to_numpy(dtype=np.bool_)
-    text = column.astype("string").str.strip().fillna("")
-    text = text.str.replace(r"\s#.*$", "", regex=True).str.strip()  # a remark behind a row
-    written = text.str.replace(rf"^[{MINUS}]\s*(?=[\d.,])", "-", regex=True)
-    written = written.str.replace(r"^([-+])\s+(?=[\d.,])", r"\1", regex=True)
-    written = _ungrouped(written, decimal)
-    if decimal != ".":
-        written = written.str.replace(decimal, ".", regex=False)
-    written = written.str.replace(r"(?<=[\d.])[dD](?=[-+]?\d+$)", "e", regex=True)  # of Fortran
-    values: Array = pd.to_numeric(written, errors="coerce").to_numpy(np.float64, na_value=np.nan)
-    what = ""
-    for kind_of, convert in (("clock", _times_of_day), ("date", _dates)):
-        if not np.isfinite(values).any():
-            values, what = convert(text), kind_of
-    bad = np.flatnonzero(np.isnan(values) & there & (text.str.lower() != "nan").to_numpy(bool))
-    if not bad.size:
-        return values, None, what
-    return values, Text(int(bad.size), str(text.iloc[bad[0]]), int(bad[0]) + 1), what
-
-
-def _ungrouped(text: Any, decimal: str) -> Any:
-    """Numbers without the marks between their thousands, where nothing else can be meant.
-
-    A point or a comma is one only in a column in which the decimal mark follows, as in 1,234.5.
-    """
-    other = "," if decimal == "." else r"\."
-    point = re.escape(decimal)
-    for mark, least in ((r"['\u2019\u00a0\u202f]", "*"), (other, "+")):
-        thousands = rf"[-+]?\d{{1,3}}(?:{mark}\d{{3}})+"
-        if text.str.fullmatch(rf"{thousands}(?:{point}\d){least}\d*").any():
-            grouped = text.str.fullmatch(rf"{thousands}(?:{point}\d*)?").to_numpy(bool)
-            text = text.where(~grouped, text.str.replace(mark, "", regex=True))
-    return text
-
-
-def _times_of_day(text: Any) -> Array:
-    """Seconds since midnight; NaN for what is no time of day."""
-    parts = text.str.extract(f"^{_TIME_OF_DAY}$")
-    return _seconds(*(parts[k] for k in range(4)))
-
-
-def _seconds(hours: Any, minutes: Any, seconds: Any, half: Any) -> Array:
-    """Seconds since midnight of the parts of times of day; `half` is a or p of 12 hours, or NA."""
-    h, m, s = (
-        pd.to_numeric(part.str.replace("[,:]", ".", regex=True), errors="coerce").to_numpy(
-            np.float64, na_value=np.nan
-        )
-        for part in (hours, minutes, seconds)
-    )
-    letter = half.str.lower().fillna("").to_numpy(dtype=str)
-    h = np.where(letter == "", h, h % 12.0 + 12.0 * (letter == "p"))
-    values: Array = 3600.0 * h + 60.0 * m + s
-    return values
-
-
-def _over_midnight(values: Array) -> Array:
-    """Times of day, where no date says it, as seconds since the midnight before the first row."""
-    known = np.flatnonzero(np.isfinite(values))
-    midnights = np.diff(values[known]) < -0.5 * _DAY
-    values[known[1:]] += _DAY * np.cumsum(midnights)
-    return values
-
-
-def _dates(text: Any) -> Array:
-    """Seconds since 1970 of dates by ISO 8601, or with slashes or points; NaN for other text."""
-    parts = text.str.extract(f"^{_TWO_ORDERS}$")
-    if parts[0].notna().any():
-        return _dates_of_two_orders(parts)
-    iso = text.str.replace(
-        r"^(\d{4})[/.-](\d{1,2})[/.-](\d{1,2})(?=\D|$)",
-        lambda m: f"{m[1]}-{m[2]:>02}-{m[3]:>02}", regex=True,
-    ).str.replace(
-        r"^(\d{1,2})\.(\d{1,2})\.(\d{4})(?=\D|$)",
-        lambda m: f"{m[3]}-{m[2]:>02}-{m[1]:>02}", regex=True,
-    ).str.replace(r"(:\d\d:\d\d)[,:](?=\d)", r"\1.", regex=True)  # fmt: skip
-    return _since_1970(pd.to_datetime(iso, errors="coerce", utc=True, format="ISO8601"))
-
-
-def _dates_of_two_orders(parts: Any) -> Array:
-    """Seconds since 1970 of dates that begin with the day, as with points, or with the month.
-
-    Of dates with slashes, both are tried; the order in which all are dates and the recording is
-    shorter is taken, and the month before the day if both are alike.
-    """
-    days = []
-    for day, month in ((0, 2), (2, 0)):
-        iso = parts[3] + "-" + parts[month].str.zfill(2) + "-" + parts[day].str.zfill(2)
-        date = pd.to_datetime(iso, errors="coerce", utc=True, format="%Y-%m-%d")
-        days.append(_since_1970(date))
-    day_first, month_first = days
-    lost = [(int(np.isnan(one).sum()), _span(one)) for one in (month_first, day_first)]
-    is_day_first = bool((parts[1] == ".").any()) or lost[1] < lost[0]
-    date_of = day_first if is_day_first else month_first
-    found: Array = date_of + _seconds(*(parts[k] for k in range(4, 8)))
-    return found
-
-
-def _span(values: Array) -> float:
-    finite = values[np.isfinite(values)]
-    return float(finite.max() - finite.min()) if finite.size else 0.0
-
-
-def _since_1970(dates: Any) -> Array:
-    since: Any = (dates - pd.Timestamp(0, tz="UTC")) / pd.Timedelta(seconds=1)
-    seconds: Array = since.to_numpy(dtype=np.float64, na_value=np.nan)
-    return seconds
