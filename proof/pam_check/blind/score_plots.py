@@ -62,9 +62,9 @@ def draw_reliability(result: Mapping[str, Any], path: Path) -> None:
                 text, (x, y), xytext=shift, textcoords="offset points", ha=side, fontsize=8
             )
     axis.set_xlim(0.0, 1.12)
-    axis.set_ylim(0.0, 1.05)
+    axis.set_ylim(-0.08, 1.08)  # room for the counts
     axis.set_xlabel("stated probability, mean of each class")
     axis.set_ylabel("share that is right, with its 90 % interval")
-    axis.legend(loc="lower right")
+    axis.legend(loc="upper left", fontsize=9)
     figure.savefig(path, dpi=110)
     plt.close(figure)
