@@ -65,6 +65,6 @@ def draw_reliability(result: Mapping[str, Any], path: Path) -> None:
     axis.set_ylim(-0.08, 1.08)  # room for the counts
     axis.set_xlabel("stated probability, mean of each class")
     axis.set_ylabel("share that is right, with its 90 % interval")
-    axis.legend(loc="upper left", fontsize=9)
+    figure.legend(loc="outside lower center", fontsize=9)
     figure.savefig(path, dpi=110)
     plt.close(figure)
