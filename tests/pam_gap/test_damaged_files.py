@@ -1,4 +1,4 @@
-"""Every format is read, and damage of any kind ends in a recording or in one line."""
+"""Every format is read, and damage of any kind ends in a recording or in a line for each reason."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def test_the_page_names_every_format_and_no_other() -> None:
 
 
 @pytest.mark.parametrize("kind", FILES.kinds)
-def test_damage_ends_in_one_line(kind: str) -> None:
+def test_damage_ends_in_a_line_for_each_reason(kind: str) -> None:
     """A few damaged files of each kind; `./pam check fuzz files` tries more."""
     for number in range(6):
         FILES.check(kind, random.Random(f"{kind} {number}"))

@@ -173,8 +173,9 @@ class DamagedFiles:
         except PamError as error:
             if len(str(error)) > LONGEST_MESSAGE and not lines:
                 raise ViolationError(f"a message of {len(str(error))} characters") from error
-            if "\n" in str(error) and not lines:
-                raise ViolationError(f"a message of several lines: {error}") from error
+            reasons = str(error).split("\n")
+            if not lines and not all(line.startswith(str(path.parent)) for line in reasons):
+                raise ViolationError(f"a line that names no file first: {error}") from error
         took = _processor_time() - begin
         grown = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - memory
         if took > LONGEST:
@@ -189,7 +190,7 @@ def _processor_time() -> float:
 
 
 def files_target(rig: Rig) -> Target:
-    """Damaged files of every kind are read as far as they are sound, or refused in one line."""
+    """Damaged files of every kind are read as far as they are sound, or refused line by line."""
     files = DamagedFiles(rig)
 
     def target(draw: random.Random) -> None:
