@@ -263,6 +263,19 @@ def test_the_conductance_begins_in_the_right_valley(rig: Rig, log: Recording) ->
     assert conductance["valve.sonic_conductance"] == pytest.approx(true, rel=0.15)
 
 
+def test_a_lag_of_the_valve_counts_as_an_effect_and_as_a_number(rig: Rig, log: Recording) -> None:
+    """The gas balance read the written lag alone, and began with half of the conductance."""
+    muscle, lag = rig.muscles[0], 0.03
+    added = replace(muscle, effects={"valve_lag": {"extra_time_constant": lag}})
+    slower = replace(muscle.valve, time_constant=muscle.valve.time_constant + lag)
+    records = motion_records(PredictionProblem(rig, 0, [log]))
+    found = [
+        valve_regression(rig.with_muscle(changed), 0, 0, records)
+        for changed in (added, replace(muscle, valve=slower))
+    ]
+    assert found[0] == pytest.approx(found[1], rel=1e-9)
+
+
 def test_a_calibrated_rig_file_says_how_well_its_numbers_are_known(rig: Rig) -> None:
     """Also if the tolerance in the rough file, 2 % by default, is less than what was said."""
 

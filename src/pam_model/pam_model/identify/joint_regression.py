@@ -276,7 +276,7 @@ def _gas_balance(
     for record in records:
         assert record.commands is not None
         step = record.sample_time
-        share = 1.0 - np.exp(-step / muscle.valve.time_constant)
+        share = 1.0 - np.exp(-step / built.valve.time_constant)
         spool = lfilter([share], [1.0, share - 1.0], record.commands[:, side])
         absolute = np.maximum(record.pressures[:, side], 0.0) + rig.gas.ambient_pressure
         flow = np.array(
