@@ -1,13 +1,14 @@
 """An effect and the same change written as plain numbers are one robot to everyone who asks.
 
 Effects come from the registry: all whose slots only change numbers that the rig file states.
-Consumers come from the code: every function and class with a parameter that is annotated as a
-robot, or as one of its joints, muscles or arms.
+A file in either spelling is read as the same `Rig`, so that nobody who takes a rig can answer
+differently. A rig that a program made may still have the effects: consumers of its `Robot` come
+from the code, as every function and class with a parameter that is annotated as a robot, or as one
+of its joints, muscles or arms.
 """
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 import importlib
 import inspect
@@ -33,12 +34,14 @@ from pam_driver.boards.protocol import NEVER, Sample
 from pam_driver.driver_settings import DriverSettings
 from pam_driver.tools.check_rig import check_rig
 from pam_model.effects import EFFECTS, Effect, adjusted
-from pam_model.effects.slots import TARGETS, Adjusts
+from pam_model.effects.slots import TARGETS
 from pam_model.joints.joint_statics import JointStatics
 from pam_model.plant.compiled import for_kernel
 from pam_model.plant.constants import derive_constants
 from pam_model.plant.parameters import PlantParameters
-from pam_model.rig import Bus, Joint, Muscle, Rig, Valve, load_rig
+from pam_model.rig import Bus, Joint, Muscle, Rig, Valve, load_rig, save_rig
+from pam_model.rig.effects_as_numbers import only_changes_numbers, written_number
+from pam_model.rig.partial import load_partial_rig
 from pam_model.robot import Robot, compose
 from pam_model.views.inverse_dynamics import InverseDynamics
 from pam_model.views.joint_numbers import joint_numbers
@@ -59,20 +62,7 @@ LEFT_OUT = (
 # --- the two spellings ----------------------------------------------------------------------------
 
 
-def field_of(target: str) -> tuple[type, str] | None:
-    """The class and field of the rig file that state a target; None if it states it nowhere."""
-    section, _, key = target.rpartition(".")
-    owner = {"joint": Joint, "valve": Valve, "": Muscle}.get(section)
-    if owner is None or key not in {field.name for field in dataclasses.fields(owner)}:
-        return None
-    return owner, key
-
-
-def changes_written_numbers(effect: Effect) -> bool:
-    return all(isinstance(slot, Adjusts) and field_of(slot.target) for slot in effect.slots)
-
-
-WRITTEN = [effect for effect in EFFECTS.values() if changes_written_numbers(effect)]
+WRITTEN = [effect for effect in EFFECTS.values() if only_changes_numbers(effect)]
 SIZES = {effect.name: [effect.portrait.sizes] for effect in WRITTEN}
 SIZES["payload"].append({"mass": 20.0, "distance": 0.35})
 SIZES["dead_volume"] += [{"extra_volume": more} for more in (2e-4, 5e-4, 2e-3)]
@@ -85,11 +75,14 @@ CASES = [
 
 
 def as_effect(rig: Rig, effect: Effect, sizes: dict[str, float]) -> Rig:
-    """The rig with an effect on all its joints or muscles."""
-    named = {effect.name: dict(sizes)}
+    """The rig with one more effect on all its joints or muscles."""
+
+    def more[Part: (Joint, Muscle)](one: Part) -> Part:
+        return replace(one, effects={**one.effects, effect.name: dict(sizes)})
+
     if effect.scope == "joint":
-        return replace(rig, joints=tuple(replace(one, effects=named) for one in rig.joints))
-    return replace(rig, muscles=tuple(replace(one, effects=named) for one in rig.muscles))
+        return replace(rig, joints=tuple(map(more, rig.joints)))
+    return replace(rig, muscles=tuple(map(more, rig.muscles)))
 
 
 def as_numbers(rig: Rig) -> Rig:
@@ -99,7 +92,7 @@ def as_numbers(rig: Rig) -> Rig:
         return {
             found[1]: adjusted(target, getattr(entry, found[1]), effects)
             for target in TARGETS
-            if (found := field_of(target)) is not None and found[0] is owner
+            if (found := written_number(target)) is not None and found[0] is owner
         }
 
     return replace(
@@ -383,6 +376,49 @@ def test_both_spellings_are_one_robot(rig: str, effect: Effect, sizes: dict[str,
         assert np.all(shared | np.isclose(*constants, rtol=1e-9, atol=0.0))
     first, second = (check_rig(one, Bus(), 500.0) for one in (spelled, numbers))
     assert first == second
+
+
+@pytest.mark.parametrize(("rig", "effect", "sizes"), CASES)
+def test_both_spellings_of_a_file_are_read_as_one_rig(
+    tmp_path: Path, rig: str, effect: Effect, sizes: dict[str, float]
+) -> None:
+    """To whoever takes a rig: diagnosis, calibration, commissioning, learnt files, simulation."""
+    spelled, numbers = both(rig, effect, sizes)
+    files = tmp_path / "effect.yaml", tmp_path / "numbers.yaml"
+    for file, one in zip(files, (spelled, numbers), strict=True):
+        save_rig(one, file)
+    assert f"{effect.name}:" in files[0].read_text()
+    first, second = map(load_rig, files)
+    assert first == second == numbers
+    first, second = map(load_partial_rig, files)
+    assert first == second
+
+
+BY_HAND = {
+    "payload": {"mass": 1.5, "distance": 0.35},
+    "viscous_friction": {"extra": 0.3},
+    "pulley_radius": {"scale": 0.9},
+    "dead_volume": {"extra_volume": 2e-4},
+    "valve_lag": {"extra_time_constant": 0.02},
+}
+
+
+def test_the_numbers_that_are_read_are_those_of_the_laws(tmp_path: Path) -> None:
+    """By hand, because both spellings above use the laws of the code."""
+    rig = load_rig(ROOT / "config/elbow.yaml")
+    for name, sizes in BY_HAND.items():
+        rig = as_effect(rig, EFFECTS[name], sizes)
+    save_rig(rig, tmp_path / "rig.yaml")
+    read = load_rig(tmp_path / "rig.yaml")
+    was, joint = rig.joints[0], read.joints[0]
+    assert joint.inertia == pytest.approx(was.inertia + 1.5 * 0.35**2, rel=1e-12)
+    assert joint.gravity_torque == pytest.approx(was.gravity_torque + 1.5 * 9.80665 * 0.35)
+    assert joint.viscous_friction == pytest.approx(was.viscous_friction + 0.3)
+    assert joint.pulley_radius == pytest.approx(0.9 * was.pulley_radius)
+    for before, muscle in zip(rig.muscles, read.muscles, strict=True):
+        assert muscle.dead_volume == pytest.approx(before.dead_volume + 2e-4)
+        assert muscle.valve.time_constant == pytest.approx(before.valve.time_constant + 0.02)
+    assert not any(each.effects for each in (*read.joints, *read.muscles))
 
 
 @pytest.mark.parametrize("consumer", CONSUMERS, ids=lambda one: one.name)

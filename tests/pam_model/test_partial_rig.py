@@ -159,3 +159,34 @@ def test_comments_stand_behind_their_numbers(tmp_path: Path) -> None:
     assert len(commented) == 2
     assert commented[0].startswith("inertia:") and commented[0].endswith("# first")
     assert commented[1].startswith("time_constant:") and commented[1].endswith("# second line")
+
+
+def test_a_range_and_a_guess_count_what_effects_change(tmp_path: Path) -> None:
+    """A range is of the number that holds, as the value of a number is."""
+    tree = _tree()
+    tree["elbow"]["effects"] = {"payload": {"mass": 2.0, "distance": 0.5}}
+    tree["elbow"]["inertia"] = {"between": [0.02, 0.08]}
+    tree["elbow_flexor"]["valve"]["time_constant"] = {"between": [0.004, 0.02]}
+    tree["elbow_flexor"]["effects"] = {"valve_lag": {"extra_time_constant": 0.03}}
+    partial = load_partial_rig(_write(tree, tmp_path / "rig.yaml"))
+    assert partial.ranges["elbow.inertia"] == pytest.approx((0.52, 0.58))
+    assert partial.ranges["elbow_flexor.valve.time_constant"] == pytest.approx((0.034, 0.05))
+    assert partial.rig.joint("elbow").inertia == pytest.approx(0.54)
+    del tree["elbow"]["inertia"]
+    guessed = load_partial_rig(_write(tree, tmp_path / "guess.yaml"))
+    del tree["elbow"]["effects"]
+    alone = load_partial_rig(_write(tree, tmp_path / "alone.yaml"))
+    more = guessed.rig.joint("elbow").inertia - alone.rig.joint("elbow").inertia
+    assert more == pytest.approx(0.5)
+
+
+def test_an_effect_that_leads_out_of_the_bounds_of_its_number_is_refused(tmp_path: Path) -> None:
+    tree = load_rig(ELBOW).to_parameters()
+    tree["elbow_flexor"]["dead_volume"] = 9e-3
+    tree["elbow_flexor"]["effects"] = {"dead_volume": {"extra_volume": 5e-3}}
+    path = _write(tree, tmp_path / "rig.yaml")
+    for load in (load_rig, load_partial_rig):
+        with pytest.raises(
+            RigError, match=r"elbow_flexor\.dead_volume = 0\.014 m\^3.*effect dead_volume"
+        ):
+            load(path)

@@ -184,7 +184,7 @@ def test_lengths_are_judged_with_the_radius_that_holds() -> None:
         rig_from_parameters(tree_with({"elbow.effects.pulley_radius.scale": 2.0}))
     assert str(effect.value) == str(number.value)
     mended = {"elbow.pulley_radius": 0.06, "elbow.effects.pulley_radius.scale": 0.5}
-    assert rig_from_parameters(tree_with(mended)).joints[0].pulley_radius == 0.06
+    assert rig_from_parameters(tree_with(mended)).joints[0].pulley_radius == 0.03
 
 
 def test_all_problems_come_at_once() -> None:

@@ -275,7 +275,7 @@ class SimulatedRig:
 
 
 def apply_effects(rig: Rig, truth: Rig, effects: Mapping[str, float]) -> list[PlantParameters]:
-    """The plants of a rig's joints: the parameters of `truth`, with `effects` added.
+    """The plants of a rig's joints: the parameters of `truth`, with parameters of effects set.
 
     Parameters
     ----------

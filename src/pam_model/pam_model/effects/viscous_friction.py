@@ -9,7 +9,7 @@ from pam_model.effects.slots import Adjusts
 
 def larger_damping(viscous_friction: float, extra: float) -> float:
     """Damping of the joint [N m s/rad]."""
-    return viscous_friction + extra
+    return max(0.0, viscous_friction + extra)
 
 
 EFFECT = Effect(

@@ -22,6 +22,7 @@ import yaml
 from pam_model.errors import PamError, RigError
 from pam_model.plain_yaml import PlainLoader
 from pam_model.rig.bus_keys import DEVICE_FILES
+from pam_model.rig.effects_as_numbers import effects_as_numbers
 from pam_model.rig.keys import BETWEEN
 from pam_model.rig.parser import parse_rig, unflatten
 from pam_model.rig.ros_yaml import refused_by_nodes
@@ -107,7 +108,7 @@ def load_rig(path: str | Path, other_keys: Collection[str] = ()) -> Rig:
     -------
     Rig
         Checked for names, units, bounds and wiring, and for muscle models that are valid over the
-        whole range of their joint.
+        whole range of their joint. Effects that only change written numbers are in these numbers.
 
     Raises
     ------
@@ -165,7 +166,11 @@ def rig_from_parameters(
         tree = unflatten(parameters)
     except RigError as error:
         raise RigError(f"{source}: {error}") from None
-    return parse_rig(tree, source, other_keys, folders)
+    written = parse_rig(tree, source, other_keys, folders)
+    try:
+        return effects_as_numbers(written)
+    except RigError as error:
+        raise RigError(f"{source}: {error}") from None
 
 
 def rig_of_node(others: Mapping[str, Any], own_keys: Collection[str]) -> Rig:

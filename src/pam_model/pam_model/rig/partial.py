@@ -16,6 +16,7 @@ from typing import Any
 
 from pam_model.errors import RigError
 from pam_model.rig.arms import arms_of
+from pam_model.rig.effects_as_numbers import effects_as_numbers, number_with_effects
 from pam_model.rig.file import read_parameters
 from pam_model.rig.keys import BETWEEN, Key, Problems, Section
 from pam_model.rig.parser import parse_rig, unflatten
@@ -88,7 +89,17 @@ def load_partial_rig(path: str | Path) -> PartialRig:
     if problems.lines:
         raise RigError("\n".join(problems.lines))
     rig = parse_rig(filled, str(path), folders=(path.parent,), must_reach=False)
-    return PartialRig(_with_guesses(rig, missing), ranges, frozenset(missing), is_rough)
+    written = _with_guesses(rig, missing)
+    for key, (low, high) in ranges.items():
+        ranges[key] = (
+            number_with_effects(written, key, low),
+            number_with_effects(written, key, high),
+        )
+    try:
+        rig = effects_as_numbers(written)
+    except RigError as error:
+        raise RigError(f"{path}: {error}") from None
+    return PartialRig(rig, ranges, frozenset(missing), is_rough)
 
 
 def middle(low: float, high: float) -> float:

@@ -124,7 +124,7 @@ def _muscle(rig: Rig, place: int, muscle: Muscle, arms: tuple[Arm, ...]) -> Robo
         ),
         neutral_length=muscle.neutral_length,
         arms=arms,
-        dead_volume=max(0.0, number("dead_volume", muscle.dead_volume)),
+        dead_volume=number("dead_volume", muscle.dead_volume),
         max_pressure=muscle.max_pressure,
         valve=_valve(muscle, number),
         pressure_gain=number("pressure_sensor.gain", None),
