@@ -96,8 +96,9 @@ def _run(given: Arguments) -> Outcome:
     steps = SECONDS / min(DEFAULT_STEP, PERIOD)
     batch = partial(simulate, parameters, commands, PERIOD, values=values)
     kernels = lane_kernels(np.array([derive_constants(v) for v in values]))[:1]
+    own = [kernel.for_all(1) for kernel in kernels]
     calls: dict[str, tuple[float, Callable[[], object]]] = {
-        "one trajectory": (1, lambda: simulate(parameters, commands, PERIOD)),
+        "one trajectory": (1, partial(simulate, parameters, commands, PERIOD, kernels=own)),
         "batch, one after the other": (BATCH, partial(batch, kernels=())),
         "batch": (BATCH, partial(batch, kernels=kernels)),
         "batch, two threads": (BATCH, partial(batch, kernels=kernels, threads=2)),

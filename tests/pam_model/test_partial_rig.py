@@ -182,11 +182,11 @@ def test_a_range_and_a_guess_count_what_effects_change(tmp_path: Path) -> None:
 
 def test_an_effect_that_leads_out_of_the_bounds_of_its_number_is_refused(tmp_path: Path) -> None:
     tree = load_rig(ELBOW).to_parameters()
-    tree["elbow_flexor"]["dead_volume"] = 9e-3
+    tree["elbow_flexor"]["dead_volume"] = 11e-3
     tree["elbow_flexor"]["effects"] = {"dead_volume": {"extra_volume": 5e-3}}
     path = _write(tree, tmp_path / "rig.yaml")
     for load in (load_rig, load_partial_rig):
         with pytest.raises(
-            RigError, match=r"elbow_flexor\.dead_volume = 0\.014 m\^3.*effect dead_volume"
+            RigError, match=r"elbow_flexor\.dead_volume = 0\.016 m\^3.*effect dead_volume"
         ):
             load(path)

@@ -33,7 +33,7 @@ from pam_model.physics.pressure_sensor import pressure_reading, true_pressure
 from pam_model.plant.compile_beside import CompileBeside
 from pam_model.plant.compiled import compiled, entry_point, for_kernel, fused_entry_point
 from pam_model.plant.kernel import muscle_pull
-from pam_model.plant.lane_blocks import Lanes, blocks_of_lanes
+from pam_model.plant.lane_blocks import Lanes, blocks_of_lanes, in_lines
 from pam_model.plant.lane_choice import VECTOR, LaneKernel
 from pam_model.plant.lane_kernel import advance_lanes, with_loops
 from pam_model.plant.lane_twins import SINGLE, Variant
@@ -409,10 +409,10 @@ def observe(
             0 if restart is None else window,
             np.zeros((1, 4)) if restart is None else restart,
             y,
-            *(for_kernel(np.zeros(initial.shape[1] * width)) for _ in range(5)),
-            for_kernel(np.zeros(2 * width)),
-            for_kernel(np.zeros(2 * width)),
-            for_kernel(np.zeros(width)),
+            *(in_lines(np.zeros(initial.shape[1] * width)) for _ in range(5)),
+            in_lines(np.zeros(2 * width)),
+            in_lines(np.zeros(2 * width)),
+            in_lines(np.zeros(width)),
             group.side_by_side(np.hstack([shown, shown])),
             np.zeros(3),
             block,

@@ -21,7 +21,7 @@ EFFECT = Effect(
     law="V = V_braid + dead_volume + V_x",
     source="geometry",
     parameters={
-        "extra_volume": EffectParameter("V_x", "m^3", 0.0, -1e-3, 0.01, "added to dead_volume")
+        "extra_volume": EffectParameter("V_x", "m^3", 0.0, -1e-3, 0.015, "added to dead_volume")
     },
     slots=(Adjusts("dead_volume", larger_dead_volume),),
     control=Included("uses the true gas volume in the flow and in the gain design"),

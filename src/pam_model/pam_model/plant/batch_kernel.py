@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from pam_model.plant.compiled import entry_point, for_kernel
+from pam_model.plant.compiled import entry_point
 from pam_model.plant.kernel import record
-from pam_model.plant.lane_blocks import Lanes
+from pam_model.plant.lane_blocks import Lanes, in_lines
 from pam_model.plant.lane_kernel import advance_lanes, with_loops
 from pam_model.plant.lane_twins import LANES, Variant
 
@@ -112,11 +112,11 @@ def simulate_block(
         sample_time,
         group.steps,
         y,
-        *(for_kernel(np.zeros(states.shape[1] * width)) for _ in range(5)),
-        for_kernel(np.zeros(muscles * width)),
-        for_kernel(np.zeros(2 * width)),
-        for_kernel(np.zeros(width)),
-        for_kernel(np.zeros(outputs.shape[2] * width)),
+        *(in_lines(np.zeros(states.shape[1] * width)) for _ in range(5)),
+        in_lines(np.zeros(muscles * width)),
+        in_lines(np.zeros(2 * width)),
+        in_lines(np.zeros(width)),
+        in_lines(np.zeros(outputs.shape[2] * width)),
         np.zeros(1 + muscles),
         outputs,
     )

@@ -69,6 +69,20 @@ from pam_model.plant.muscle_stage import gas_volume, muscle_speed, pull
 
 
 @compiled
+def winding(c: Any, position: float) -> tuple[float, float]:
+    """Angle by which a round pulley would wind up as much cable [rad], and arm in pulley radii."""
+    slope, bend = 0.0, 0.0
+    is_round = True
+    if c[C_ARM_SLOPE] != 0.0:
+        slope, is_round = c[C_ARM_SLOPE], False
+    if c[C_ARM_BEND] != 0.0:
+        bend, is_round = c[C_ARM_BEND], False
+    if is_round:
+        return position, 1.0
+    return wound_angle(position, slope, bend), relative_arm(position, slope, bend)
+
+
+@compiled
 def muscle_rates(
     m: int,
     o: int,
@@ -125,12 +139,14 @@ def muscle_rates(
     dy[o + S_SPOOL] = spool_rate
     rate = free_rate + gas_slope * speed
     dy[o + S_PRESSURE] = rate
-    dy[o + S_VALVE_PRESSURE] = valve_rate
-    dy[o + S_TEMPERATURE] = 0.0
-    if c[m + M_THERMAL] > 0.0 and not (pressure_given and not has_tube):
+    if c[m + M_TUBE] > 0.0:
+        dy[o + S_VALVE_PRESSURE] = valve_rate
+    if c[m + M_THERMAL] > 0.0:
         # The motion adds the change of P V = m R T at constant mass.
-        dy[o + S_TEMPERATURE] = heat_rate + y[o + S_TEMPERATURE] * speed * (
-            gas_slope * (1.0 / pressure + volume_per_pressure / volume) + volume_slope / volume
+        moved = gas_slope * (1.0 / pressure + volume_per_pressure / volume) + volume_slope / volume
+        given_rate = pressure_given and not has_tube
+        dy[o + S_TEMPERATURE] = (
+            0.0 if given_rate else heat_rate + y[o + S_TEMPERATURE] * speed * moved
         )
     memory_rates(m, c, y, dy, o, speed, step)
     return force, drawn
@@ -177,8 +193,8 @@ def hinge_torques(
     if not free:
         speed = 0.0
     radius = c[C_RADIUS]
-    arm = radius * relative_arm(position, c[C_ARM_SLOPE], c[C_ARM_BEND])
-    wound = wound_angle(position, c[C_ARM_SLOPE], c[C_ARM_BEND])
+    wound, relative = winding(c, position)
+    arm = radius * relative
     torque = 0.0
     drawn = 0.0
     for i in range(len(tables)):
@@ -201,8 +217,9 @@ def hinge_torques(
         torque += muscle_torque(c[m + M_ARM], arm, force)
         drawn += flow
     dy[Y_POSITION] = speed
-    dy[Y_BRISTLE] = 0.0
     bristle = 0.0
+    if c[C_PRESLIDING] > 0.0 and not free:
+        dy[Y_BRISTLE] = 0.0
     if c[C_PRESLIDING] > 0.0 and free:
         dy[Y_BRISTLE] = dahl_rate(y[Y_BRISTLE], speed, c[C_PRESLIDING], step)
         grip = dry_friction(c, speed)
@@ -237,7 +254,9 @@ def joint_rates(
     shut: bool,
     step: float,
 ) -> float:
-    """Write every state's rate of a joint that moves alone into `dy`; arguments as `hinge_torques`.
+    """Write the rates of a joint that moves alone into `dy`; arguments as `hinge_torques`.
+
+    The rate of a state that never changes is not written, and `kernel.move` does not read it.
 
     Returns
     -------
@@ -250,7 +269,6 @@ def joint_rates(
     total -= c[C_GRAVITY] * sine(y[Y_POSITION] - c[C_GRAVITY_ANGLE])
     # Lanes compute every branch anyway, and a loop over them is cheaper without any.
     dy[Y_VELOCITY] = total * c[C_PER_INERTIA] if free and not given[0] else 0.0
-    dy[Y_RESERVOIR] = 0.0
     if c[C_DROOP] > 0.0:
         dy[Y_RESERVOIR] = reservoir_rate(
             c, c[C_DROOP_CONDUCTANCE], c[C_DROOP_VOLUME], y[Y_RESERVOIR], drawn + c[C_DRAWN]

@@ -16,17 +16,14 @@ from typing import Any
 from pam_model.physics.joint_geometry import (
     muscle_length,
     muscle_torque,
-    relative_arm,
-    wound_angle,
 )
 from pam_model.physics.sine import sine
 from pam_model.plant.compiled import compiled, entry_point, fused_entry_point
-from pam_model.plant.composition import dry_friction, joint_torque
-from pam_model.plant.joint_stage import joint_rates
+from pam_model.plant.composition import dry_friction, joint_torque, memory_move, memory_step
+from pam_model.plant.joint_stage import joint_rates, winding
 from pam_model.plant.layout import (
     C_AMBIENT,
-    C_ARM_BEND,
-    C_ARM_SLOPE,
+    C_DROOP,
     C_EXTERNAL,
     C_FRICTION,
     C_GRAVITY,
@@ -42,6 +39,7 @@ from pam_model.plant.layout import (
     M_CROSSED,
     M_DELAY,
     M_NEUTRAL,
+    M_THERMAL,
     M_TUBE,
     N_MUSCLE_CONSTANTS,
     N_MUSCLE_OUTPUTS,
@@ -61,6 +59,7 @@ from pam_model.plant.layout import (
     S_SPOOL,
     S_TEMPERATURE,
     S_VALVE_PRESSURE,
+    Y_BRISTLE,
     Y_MUSCLES,
     Y_POSITION,
     Y_RESERVOIR,
@@ -122,7 +121,7 @@ def muscle_pull(i: int, c: Any, tables: Any, y: Any) -> float:
     """Pull of muscle `i` [N] at this state."""
     m = C_MUSCLES + i * N_MUSCLE_CONSTANTS
     o = Y_MUSCLES + i * N_MUSCLE_STATES
-    wound = wound_angle(y[Y_POSITION], c[C_ARM_SLOPE], c[C_ARM_BEND])
+    wound, _ = winding(c, y[Y_POSITION])
     path = muscle_length(c[m + M_NEUTRAL], c[m + M_ARM], c[C_RADIUS], wound) + c[m + M_CROSSED]
     force, _, _, _ = pull(m, c, tables[i], y, o, y[o + S_PRESSURE] - c[C_AMBIENT], path)
     return float(force)
@@ -132,8 +131,8 @@ def muscle_pull(i: int, c: Any, tables: Any, y: Any) -> float:
 def record(c: Any, tables: Any, y: Any, output: Any) -> None:
     """Write the outputs of the joint at this state into one row of them."""
     position = y[Y_POSITION]
-    wound = wound_angle(position, c[C_ARM_SLOPE], c[C_ARM_BEND])
-    arm = c[C_RADIUS] * relative_arm(position, c[C_ARM_SLOPE], c[C_ARM_BEND])
+    wound, relative = winding(c, position)
+    arm = c[C_RADIUS] * relative
     torque = 0.0
     for i in range(len(tables)):
         m = C_MUSCLES + i * N_MUSCLE_CONSTANTS
@@ -165,6 +164,55 @@ def record(c: Any, tables: Any, y: Any, output: Any) -> None:
 
 
 @compiled
+def move(c: Any, tables: Any, y: Any, dy: Any, moved: Any, step: float) -> None:
+    """Write the state after a step with constant rates; only states that change are written."""
+    moved[Y_POSITION] = y[Y_POSITION] + step * dy[Y_POSITION]
+    moved[Y_VELOCITY] = y[Y_VELOCITY] + step * dy[Y_VELOCITY]
+    if c[C_PRESLIDING] > 0.0:
+        moved[Y_BRISTLE] = y[Y_BRISTLE] + step * dy[Y_BRISTLE]
+    if c[C_DROOP] > 0.0:
+        moved[Y_RESERVOIR] = y[Y_RESERVOIR] + step * dy[Y_RESERVOIR]
+    for i in range(len(tables)):
+        m = C_MUSCLES + i * N_MUSCLE_CONSTANTS
+        o = Y_MUSCLES + i * N_MUSCLE_STATES
+        moved[o + S_SPOOL] = y[o + S_SPOOL] + step * dy[o + S_SPOOL]
+        moved[o + S_PRESSURE] = y[o + S_PRESSURE] + step * dy[o + S_PRESSURE]
+        if c[m + M_TUBE] > 0.0:
+            at_valve = y[o + S_VALVE_PRESSURE] + step * dy[o + S_VALVE_PRESSURE]
+            moved[o + S_VALVE_PRESSURE] = at_valve
+        if c[m + M_THERMAL] > 0.0:
+            moved[o + S_TEMPERATURE] = y[o + S_TEMPERATURE] + step * dy[o + S_TEMPERATURE]
+        memory_move(m, c, y, dy, moved, o, step)
+
+
+@compiled
+def finish(c: Any, tables: Any, y: Any, k1: Any, k2: Any, k3: Any, k4: Any, step: float) -> None:
+    """Advance the states that change by a Runge-Kutta step, from its four rates."""
+    state_step(Y_POSITION, y, k1, k2, k3, k4, step)
+    state_step(Y_VELOCITY, y, k1, k2, k3, k4, step)
+    if c[C_PRESLIDING] > 0.0:
+        state_step(Y_BRISTLE, y, k1, k2, k3, k4, step)
+    if c[C_DROOP] > 0.0:
+        state_step(Y_RESERVOIR, y, k1, k2, k3, k4, step)
+    for i in range(len(tables)):
+        m = C_MUSCLES + i * N_MUSCLE_CONSTANTS
+        o = Y_MUSCLES + i * N_MUSCLE_STATES
+        state_step(o + S_SPOOL, y, k1, k2, k3, k4, step)
+        state_step(o + S_PRESSURE, y, k1, k2, k3, k4, step)
+        if c[m + M_TUBE] > 0.0:
+            state_step(o + S_VALVE_PRESSURE, y, k1, k2, k3, k4, step)
+        if c[m + M_THERMAL] > 0.0:
+            state_step(o + S_TEMPERATURE, y, k1, k2, k3, k4, step)
+        memory_step(m, c, y, k1, k2, k3, k4, o, step)
+
+
+@compiled
+def state_step(at: int, y: Any, k1: Any, k2: Any, k3: Any, k4: Any, step: float) -> None:
+    """Advance one state by a Runge-Kutta step."""
+    y[at] += step / 6.0 * (k1[at] + 2.0 * (k2[at] + k3[at]) + k4[at])
+
+
+@compiled
 def rk4_step(
     c: Any,
     tables: Any,
@@ -177,24 +225,22 @@ def rk4_step(
     shut: bool,
     h: float,
 ) -> None:
-    """Advance `y` by one classical Runge-Kutta step of `h` [s]."""
+    """Advance `y` by one classical Runge-Kutta step of `h` [s].
+
+    The row of `work` for states within the step has those that do not change from the beginning.
+    """
     free = contact != LOCKED
     sliding = contact if free else 0.0
     k1, k2, k3, k4, ys, drive = work[0], work[1], work[2], work[3], work[4], work[5]
     given = (position_given, pressure_given)
-    count = Y_MUSCLES + len(tables) * N_MUSCLE_STATES  # known to the compiler
     joint_rates(c, tables, y, k1, held, drive, sliding, free, given, shut, h)
-    for i in range(count):
-        ys[i] = y[i] + 0.5 * h * k1[i]
+    move(c, tables, y, k1, ys, 0.5 * h)
     joint_rates(c, tables, ys, k2, held, drive, sliding, free, given, shut, h)
-    for i in range(count):
-        ys[i] = y[i] + 0.5 * h * k2[i]
+    move(c, tables, y, k2, ys, 0.5 * h)
     joint_rates(c, tables, ys, k3, held, drive, sliding, free, given, shut, h)
-    for i in range(count):
-        ys[i] = y[i] + h * k3[i]
+    move(c, tables, y, k3, ys, h)
     joint_rates(c, tables, ys, k4, held, drive, sliding, free, given, shut, h)
-    for i in range(count):
-        y[i] += h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i])
+    finish(c, tables, y, k1, k2, k3, k4, h)
 
 
 @compiled
@@ -318,6 +364,8 @@ def run(
     held = work[6]
     for i in range(1 + len(tables)):
         work[5][i] = 0.0
+    for i in range(len(y)):  # the states that do not change are never written again
+        work[4][i] = y[i]
     for k in range(len(outputs)):
         take_sample(c, y, work[5], positions, pressures, k, sample_time)
         record(c, tables, y, outputs[k])
@@ -325,7 +373,8 @@ def run(
             now = (first + k) * sample_time + j * h
             for i in range(len(tables)):
                 delay = c[C_MUSCLES + i * N_MUSCLE_CONSTANTS + M_DELAY]
-                held[i] = held_command(commands, i, now, h, sample_time, delay)
+                if delay > 0.0 or j == 0:
+                    held[i] = held_command(commands, i, now, h, sample_time, delay)
             if not position_given:
                 before = y[Y_VELOCITY]
                 contact = contact_of(c, tables, y, work, held, pressure_given, shut, h)

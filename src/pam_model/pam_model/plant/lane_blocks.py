@@ -4,18 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
 
-from pam_model.plant.compiled import for_kernel
+from pam_model.plant.compiled import HAVE_NUMBA
 from pam_model.plant.kernel import step_count
 from pam_model.plant.lane_choice import VECTOR, LaneKernel
 from pam_model.plant.lane_twins import LANES, SINGLE, Variant
 from pam_model.plant.layout import C_RATE
 
 Array = npt.NDArray[np.float64]
+
+LINE: Final = 64
+"""Bytes of a line of the processor's cache, and of its longest vectors."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +49,18 @@ class Lanes:
             One row per member of the batch.
         """
         places = np.minimum(np.arange(self.width), len(self.members) - 1)
-        return for_kernel(rows[self.members[places]].T.ravel())
+        return in_lines(rows[self.members[places]].T.ravel())
+
+
+def in_lines(row: Array) -> Any:
+    """The row for a compiled kernel, from the start of a cache line on: no vector lies in two."""
+    if not HAVE_NUMBA:
+        return row.tolist()
+    spare = LINE // row.itemsize
+    longer = np.empty(row.size + spare)
+    first = -longer.ctypes.data % LINE // row.itemsize
+    longer[first : first + row.size] = row
+    return longer[first : first + row.size]
 
 
 def blocks_of_lanes(

@@ -25,6 +25,10 @@ def _of_muscles(*names: str) -> Switches:
     return {name: (int(getattr(lay, name)), True) for name in names}
 
 
+def _of_joint(*names: str) -> Switches:
+    return {name: (int(getattr(lay, name)), False) for name in names}
+
+
 def _of_effects(stage: str) -> Switches:
     """The switches of all effects of a stage whose laws fill a slot of the plant."""
     joint = {name: (one.is_on, False) for name, one in lay.JOINT_EFFECTS.items()
@@ -43,10 +47,8 @@ VECTOR: Final = 8
 TWO_VECTORS: Final = 16
 """LLVM uses no vectors for fewer lanes in the longest loops."""
 GROUPS: Final[dict[str, Switches]] = {
-    "gas": _of_muscles("M_TUBE", "M_THERMAL")
-    | {"C_DROOP": (lay.C_DROOP, False)}
-    | _of_effects("valve"),
-    "joint": {"C_PRESLIDING": (lay.C_PRESLIDING, False)} | _of_effects("joint"),
+    "gas": _of_muscles("M_TUBE", "M_THERMAL") | _of_joint("C_DROOP") | _of_effects("valve"),
+    "joint": _of_joint("C_PRESLIDING", "C_ARM_SLOPE", "C_ARM_BEND") | _of_effects("joint"),
     MUSCLE: _of_muscles("M_THREAD") | _of_effects("muscle"),
     CABLE: _of_muscles("M_CABLE"),  # iterates, which takes longer than all others together
 }

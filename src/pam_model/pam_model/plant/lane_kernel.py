@@ -14,14 +14,16 @@ from types import FunctionType
 from typing import Any, Final
 
 from pam_model.plant.compiled import compiled, compiled_loop
-from pam_model.plant.composition import dry_friction, memory_move, memory_step
+from pam_model.plant.composition import dry_friction
 from pam_model.plant.joint_stage import joint_rates
 from pam_model.plant.kernel import (
     AT_REST,
     LOCKED,
     LOWEST_PRESSURE,
     contact_at_rest,
+    finish,
     held_command,
+    move,
     moving_contact,
     settle_contact,
 )
@@ -34,23 +36,13 @@ from pam_model.plant.lane_twins import (
     lane_loop,
 )
 from pam_model.plant.layout import (
-    C_DROOP,
     C_MUSCLES,
     C_PER_INERTIA,
-    C_PRESLIDING,
     M_DELAY,
-    M_THERMAL,
-    M_TUBE,
     N_MUSCLE_CONSTANTS,
     N_MUSCLE_STATES,
     S_PRESSURE,
-    S_SPOOL,
-    S_TEMPERATURE,
-    S_VALVE_PRESSURE,
-    Y_BRISTLE,
     Y_MUSCLES,
-    Y_POSITION,
-    Y_RESERVOIR,
     Y_VELOCITY,
 )
 
@@ -76,6 +68,14 @@ def hold_own(
         for i in range(commands.shape[2]):
             delay = c[(C_MUSCLES + i * N_MUSCLE_CONSTANTS + M_DELAY) * LANES + lane]
             held[i * LANES + lane] = held_command(commands[lane], i, now, step, sample_time, delay)
+
+
+@compiled
+def find_delay(c: Any, held: Any, contact: Any) -> None:
+    """Write whether a valve is delayed, so that its command changes within a sample."""
+    contact[0] = 0.0
+    for i in range(len(held)):
+        contact[0] = max(contact[0], c[C_MUSCLES + i * N_MUSCLE_CONSTANTS + M_DELAY])
 
 
 @compiled
@@ -119,55 +119,6 @@ def rates(
 
 
 @compiled
-def move(c: Any, tables: Any, y: Any, dy: Any, moved: Any, step: float) -> None:
-    """Write the state after a step with constant rates; only states that change are written."""
-    moved[Y_POSITION] = y[Y_POSITION] + step * dy[Y_POSITION]
-    moved[Y_VELOCITY] = y[Y_VELOCITY] + step * dy[Y_VELOCITY]
-    if c[C_PRESLIDING] > 0.0:
-        moved[Y_BRISTLE] = y[Y_BRISTLE] + step * dy[Y_BRISTLE]
-    if c[C_DROOP] > 0.0:
-        moved[Y_RESERVOIR] = y[Y_RESERVOIR] + step * dy[Y_RESERVOIR]
-    for i in range(len(tables)):
-        m = C_MUSCLES + i * N_MUSCLE_CONSTANTS
-        o = Y_MUSCLES + i * N_MUSCLE_STATES
-        moved[o + S_SPOOL] = y[o + S_SPOOL] + step * dy[o + S_SPOOL]
-        moved[o + S_PRESSURE] = y[o + S_PRESSURE] + step * dy[o + S_PRESSURE]
-        if c[m + M_TUBE] > 0.0:
-            at_valve = y[o + S_VALVE_PRESSURE] + step * dy[o + S_VALVE_PRESSURE]
-            moved[o + S_VALVE_PRESSURE] = at_valve
-        if c[m + M_THERMAL] > 0.0:
-            moved[o + S_TEMPERATURE] = y[o + S_TEMPERATURE] + step * dy[o + S_TEMPERATURE]
-        memory_move(m, c, y, dy, moved, o, step)
-
-
-@compiled
-def finish(c: Any, tables: Any, y: Any, k1: Any, k2: Any, k3: Any, k4: Any, step: float) -> None:
-    """Advance the states that change by a Runge-Kutta step, from its four rates."""
-    state_step(Y_POSITION, y, k1, k2, k3, k4, step)
-    state_step(Y_VELOCITY, y, k1, k2, k3, k4, step)
-    if c[C_PRESLIDING] > 0.0:
-        state_step(Y_BRISTLE, y, k1, k2, k3, k4, step)
-    if c[C_DROOP] > 0.0:
-        state_step(Y_RESERVOIR, y, k1, k2, k3, k4, step)
-    for i in range(len(tables)):
-        m = C_MUSCLES + i * N_MUSCLE_CONSTANTS
-        o = Y_MUSCLES + i * N_MUSCLE_STATES
-        state_step(o + S_SPOOL, y, k1, k2, k3, k4, step)
-        state_step(o + S_PRESSURE, y, k1, k2, k3, k4, step)
-        if c[m + M_TUBE] > 0.0:
-            state_step(o + S_VALVE_PRESSURE, y, k1, k2, k3, k4, step)
-        if c[m + M_THERMAL] > 0.0:
-            state_step(o + S_TEMPERATURE, y, k1, k2, k3, k4, step)
-        memory_step(m, c, y, k1, k2, k3, k4, o, step)
-
-
-@compiled
-def state_step(at: int, y: Any, k1: Any, k2: Any, k3: Any, k4: Any, step: float) -> None:
-    """Advance one state by a Runge-Kutta step."""
-    y[at] += step / 6.0 * (k1[at] + 2.0 * (k2[at] + k3[at]) + k4[at])
-
-
-@compiled
 def settle(c: Any, tables: Any, y: Any, contact: Any, step: float) -> None:
     """Correct the state after a step."""
     for i in range(len(tables)):
@@ -177,6 +128,7 @@ def settle(c: Any, tables: Any, y: Any, contact: Any, step: float) -> None:
 
 
 # Loops over the lanes, which `with_loops` defines for each kernel.
+find_delay_lanes: Any = None
 hold_lanes: Any = None
 judge_contact_lanes: Any = None
 judge_rest_lanes: Any = None
@@ -210,9 +162,14 @@ def advance(
     h = sample_time / steps
     for i in range(len(y)):  # the states that do not change are never written again
         ys[i] = y[i]
+    find_delay_lanes(active, c, held, contact)
+    delayed = False
+    for lane in range(active):
+        delayed = delayed or contact[lane] > 0.0
     for j in range(steps):
         now = sample * sample_time + j * h
-        hold_lanes(active, c, held, commands, now, h, sample_time)
+        if delayed or j == 0:
+            hold_lanes(active, c, held, commands, now, h, sample_time)
         judge_contact_lanes(active, c, y, contact)
         at_rest = False
         for lane in range(active):
@@ -236,7 +193,16 @@ def advance_lanes(variant: Variant, *, own_commands: bool = False) -> Callable[.
 
     With `own_commands`, each lane has commands of its own, see `hold_own`.
     """
-    loops = (hold, judge_contact, judge_rest, rates, move, finish, settle)
+    loops = (
+        find_delay,
+        hold,
+        judge_contact,
+        judge_rest,
+        rates,
+        move,
+        finish,
+        settle,
+    )
     made = with_loops(advance, loops, variant)
     if own_commands:
         made.__globals__["hold_lanes"] = compiled_loop(hold_own)

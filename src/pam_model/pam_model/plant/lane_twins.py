@@ -8,7 +8,8 @@ vector instructions, with masks where lanes take different branches.
 
 A twin is made for a variant of the plant: its number of muscles, over which loops are repeated,
 and what no lane of a batch has. Constants named in `off` are 0, and statements that depend on them
-alone disappear. A kernel for a single lane calls the functions as they are.
+alone disappear. A kernel for a single joint calls the functions as they are, or twins from which
+only these statements have disappeared (single_kernel.py).
 """
 
 from __future__ import annotations
@@ -64,11 +65,10 @@ def _is_lane_function(function: Any) -> bool:
     )
 
 
-class _ToLane(ast.NodeTransformer):
-    """Rewrites a function of arrays to a function of one lane of them."""
+class _WithoutLaws(ast.NodeTransformer):
+    """Rewrites a function to one without the statements of laws that are off."""
 
-    def __init__(self, inner: frozenset[str], variant: LaneVariant) -> None:
-        self.inner = inner
+    def __init__(self, variant: LaneVariant) -> None:
         self.off, self.muscles = variant
 
     def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.FunctionDef:
@@ -76,25 +76,13 @@ class _ToLane(ast.NodeTransformer):
         node.decorator_list, node.returns = [], None
         for argument in node.args.args:
             argument.annotation = None
-        node.args.args.insert(0, ast.arg("lane"))
         return node
 
     def visit_Subscript(self, node: ast.Subscript) -> ast.expr:
         self.generic_visit(node)
-        if not (isinstance(node.value, ast.Name) and node.value.id in LANE_ARRAYS):
-            return node
         named = {name.id for name in ast.walk(node.slice) if isinstance(name, ast.Name)}
-        if node.value.id == "c" and not named.isdisjoint(self.off):
-            return ast.Constant(0.0)
-        index = ast.BinOp(node.slice, ast.Mult(), ast.Constant(LANES))
-        node.slice = ast.BinOp(index, ast.Add(), ast.Name("lane", ast.Load()))
-        return node
-
-    def visit_Call(self, node: ast.Call) -> ast.Call:
-        self.generic_visit(node)
-        if isinstance(node.func, ast.Name) and node.func.id in self.inner:
-            node.args.insert(0, ast.Name("lane", ast.Load()))
-        return node
+        is_off = isinstance(node.value, ast.Name) and node.value.id == "c" and named & self.off
+        return ast.Constant(0.0) if is_off else node
 
     def visit_If(self, node: ast.If) -> ast.stmt | list[ast.stmt]:
         self.generic_visit(node)
@@ -115,9 +103,10 @@ class _ToLane(ast.NodeTransformer):
         count = call.args[0]
         if isinstance(count, ast.Constant):
             times = int(str(count.value))
-        else:
-            assert ast.unparse(count) in COUNTS_OF_MUSCLES, ast.unparse(count)
+        elif ast.unparse(count) in COUNTS_OF_MUSCLES:
             times = self.muscles
+        else:
+            return self.visit_other_loop(node)
         repeated: list[ast.stmt] = []
         for number in range(times):
             once = ast.Assign([ast.Name(node.target.id, ast.Store())], ast.Constant(number))
@@ -125,6 +114,44 @@ class _ToLane(ast.NodeTransformer):
                 new = self.visit(statement)
                 repeated += new if isinstance(new, list) else [new]
         return repeated
+
+    def visit_other_loop(self, node: ast.For) -> ast.stmt:
+        """A loop over states, which stays one."""
+        self.generic_visit(node)
+        return node
+
+
+class _ToLane(_WithoutLaws):
+    """Rewrites a function of arrays to a function of one lane of them, too."""
+
+    def __init__(self, variant: LaneVariant, inner: frozenset[str]) -> None:
+        super().__init__(variant)
+        self.inner = inner
+
+    def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.FunctionDef:
+        super().visit_FunctionDef(node)
+        node.args.args.insert(0, ast.arg("lane"))
+        return node
+
+    def visit_Subscript(self, node: ast.Subscript) -> ast.expr:
+        found = super().visit_Subscript(node)
+        if not (isinstance(node.value, ast.Name) and node.value.id in LANE_ARRAYS):
+            return found
+        if isinstance(found, ast.Constant):
+            return found
+        index = ast.BinOp(node.slice, ast.Mult(), ast.Constant(LANES))
+        node.slice = ast.BinOp(index, ast.Add(), ast.Name("lane", ast.Load()))
+        return node
+
+    def visit_Call(self, node: ast.Call) -> ast.Call:
+        self.generic_visit(node)
+        if isinstance(node.func, ast.Name) and node.func.id in self.inner:
+            node.args.insert(0, ast.Name("lane", ast.Load()))
+        return node
+
+    def visit_other_loop(self, node: ast.For) -> ast.stmt:
+        """There is none in what works on lanes."""
+        raise AssertionError(ast.unparse(node.iter))
 
 
 def kernel_name(variant: Variant) -> str:
@@ -151,19 +178,45 @@ def lane_twin(function: Any, variant: LaneVariant) -> Callable[..., Any]:
     variant : LaneVariant
         Number of muscles, and constants that are 0, of all lanes.
     """
+    inner = _inner(function)
+    return _rewritten(function, variant, inner, _ToLane(variant, inner), lane_twin, "of_lane")
+
+
+@cache
+def twin_without_laws(function: Any, variant: LaneVariant) -> Callable[..., Any]:
+    """The same function for one joint of a variant, whose arrays are as they were."""
+    rewriter = _WithoutLaws(variant)
+    return _rewritten(
+        function, variant, _inner(function), rewriter, twin_without_laws, "without_laws"
+    )
+
+
+def _inner(function: Any) -> frozenset[str]:
+    """Names of the functions of LANE_ARRAYS that a function calls."""
+    plain = _plain(function)
+    known = plain.__globals__
+    return frozenset(name for name in plain.__code__.co_names if _is_lane_function(known.get(name)))
+
+
+def _rewritten(
+    function: Any,
+    variant: LaneVariant,
+    inner: frozenset[str],
+    rewriter: _WithoutLaws,
+    twin_of: Callable[[Any, LaneVariant], Callable[..., Any]],
+    name: str,
+) -> Callable[..., Any]:
+    """A function from rewritten source, compiled; it calls the twins of its inner functions."""
     plain = _plain(function)
     known = plain.__globals__
     tree = ast.parse(textwrap.dedent(inspect.getsource(plain)))
-    inner = frozenset(
-        name for name in plain.__code__.co_names if _is_lane_function(known.get(name))
-    )
-    new = ast.fix_missing_locations(_ToLane(inner, variant).visit(tree))
-    code = compile(new, f"<lane twin of {plain.__name__}>", "exec")
-    used = {name.id for name in ast.walk(new) if isinstance(name, ast.Name)}
-    names = {**known, **{name: lane_twin(known[name], variant) for name in sorted(inner & used)}}
+    new = ast.fix_missing_locations(rewriter.visit(tree))
+    code = compile(new, f"<twin of {plain.__name__}>", "exec")
+    used = {each.id for each in ast.walk(new) if isinstance(each, ast.Name)}
+    names = {**known, **{one: twin_of(known[one], variant) for one in sorted(inner & used)}}
     exec(code, names)
     twin: FunctionType = names[plain.__name__]
-    twin.__qualname__ = f"{plain.__name__}_of_lane_{kernel_name(variant)}"
+    twin.__qualname__ = f"{plain.__name__}_{name}_{kernel_name(variant)}"
     return compiled_fused(twin)
 
 

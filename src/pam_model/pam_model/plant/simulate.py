@@ -9,7 +9,7 @@ that each stage of a rig can be examined alone. `Plant` simulates one joint step
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -30,7 +30,7 @@ from pam_model.plant.constants import derive_constants
 from pam_model.plant.default_step import DEFAULT_STEP
 from pam_model.plant.kernel import WORK_ROWS, record, run
 from pam_model.plant.lane_blocks import Lanes, blocks_of_lanes
-from pam_model.plant.lane_choice import FEW_WITH_CABLE, VECTOR, LaneKernel
+from pam_model.plant.lane_choice import VECTOR, LaneKernel, lane_kernels
 from pam_model.plant.lane_twins import SINGLE
 from pam_model.plant.muscle_arms import MuscleArms, names_of
 from pam_model.plant.parameters import PlantParameters
@@ -45,11 +45,28 @@ from pam_model.plant.sensors import (
     measure,
     sensor_constants,
 )
+from pam_model.plant.single_kernel import run_without_laws
 from pam_model.plant.trajectory import Trajectory
 
 Array = npt.NDArray[np.float64]
 
 _KERNELS = CompileBeside("run_block")
+_SINGLE_KERNELS = CompileBeside("run")
+
+
+def _kernel_of_one(
+    constants: Array,
+    kernels: Sequence[LaneKernel] | None,
+    work: int,
+    compile_it: Callable[[LaneKernel, int], object],
+) -> Callable[..., None]:
+    """`run`; for a single joint without the laws that it does not have, if that is compiled."""
+    if not HAVE_NUMBA or len(constants) > 1:
+        return run
+    if kernels is None:
+        (own,) = lane_kernels(constants)
+        kernels = (own,) if _SINGLE_KERNELS.is_ready_for_one(own, work, compile_it) else ()
+    return run_without_laws(kernels[0].variant) if kernels else run
 
 
 def initial_state(
@@ -169,10 +186,11 @@ def simulate(
         Number of lanes, or blocks of lanes, that run at the same time (compiled kernels release the
         interpreter lock).
     kernels : sequence of LaneKernel, optional
-        Kernels that simulate lanes side by side in the vectors of the processor, of
-        `lane_kernels`; the result is the same as without, to 1e-12. By default those that are
-        compiled, which begins in a thread where a process has enough work for one. Lanes with
-        prescribed motion or pressures are simulated one after the other, as all are without numba.
+        Kernels that simulate lanes side by side in the vectors of the processor, or one lane
+        without the laws that it does not need, of `lane_kernels`; the result is the same as
+        without, to 1e-12. By default those that are compiled, which begins in a thread where a
+        process has enough work for one. Several lanes with prescribed motion or pressures are
+        simulated one after the other, as all are without numba.
 
     Raises
     ------
@@ -205,7 +223,7 @@ def simulate(
         )
         y = for_kernel(states[i])
         rows = outputs[i] if HAVE_NUMBA else np.empty_like(outputs[i]).tolist()
-        run(
+        run_single(
             for_kernel(constants[i]),
             tables,
             kernel_commands,
@@ -239,17 +257,18 @@ def simulate(
         )
 
     def once(kernel: LaneKernel, lane: int) -> None:
-        few = np.repeat(lanes[lane : lane + 1], VECTOR, axis=0)
+        few = np.repeat(lanes[lane : lane + 1], 1 if len(lanes) == 1 else VECTOR, axis=0)
         simulate(
             parameters, commands[:2], sample_time, step=step, values=few,
-            kernels=[kernel.for_all(VECTOR)],
+            kernels=[kernel.for_all(len(few))],
         )  # fmt: skip
 
     prescribed = positions is not None or pressures is not None
-    if not HAVE_NUMBA or prescribed or len(lanes) <= FEW_WITH_CABLE:
+    work = count * math.ceil(sample_time / step)
+    run_single = _kernel_of_one(constants, kernels, work, once)
+    if not HAVE_NUMBA or prescribed or len(lanes) == 1:
         kernels = ()
     elif kernels is None:
-        work = count * math.ceil(sample_time / step)
         kernels = _KERNELS.ready_kernels(constants, work, once)
     groups = blocks_of_lanes(constants, kernels, sample_time, step, threads)
     if threads > 1 and len(groups) > 1:
@@ -461,6 +480,8 @@ def _true_drive(
 ) -> tuple[Array, Array]:
     """True position and pressures: offset, delay, gain and bias of the sensors are removed."""
     given_positions, given_pressures = np.zeros(0), np.zeros((0, len(muscles)))
+    if positions is None and pressures is None:
+        return given_positions, given_pressures
     sensors = sensor_constants(values, muscles)
     if positions is not None:
         given_positions = positions - sensors[K_OFFSET]

@@ -121,7 +121,7 @@ class Muscle:
     valve: Valve  # the valve that fills and vents it
     max_pressure: Annotated[float, Key("Pa gauge", 1e4, 2.5e6, text="the driver vents above it")]
     wall_thickness: Annotated[float, Key("m", 0.0, 0.02, text="t_k, bladder and sheath")] = 0.0
-    dead_volume: Annotated[float, Key("m^3", 0.0, 0.01, guess=2e-5,
+    dead_volume: Annotated[float, Key("m^3", 0.0, 0.015, guess=2e-5,
         text="gas volume outside the braid (fittings, tube)")] = 0.0
     # fmt: on
     # board, channel: what drives and measures it. A board is given by its number or by the name of
