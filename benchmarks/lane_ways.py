@@ -40,7 +40,7 @@ from pam_model.plant.lane_choice import lane_kernels
 from pam_model.plant.lane_twins import LANES as WIDTH
 from pam_model.plant.layout import outputs_of
 from pam_model.plant.parameters import PlantParameters
-from pam_model.plant.simulate import Plant, initial_state
+from pam_model.plant.simulate import Plant, initial_state, simulate
 from pam_model.rig import load_rig
 
 LANES = 16
@@ -215,8 +215,8 @@ def measured(rates: Any, lanes: int, *, flat: bool) -> float:
     return 1e-6 * BATCH * SAMPLES * STEPS / seconds
 
 
-def of_the_suite(*, side_by_side: bool) -> float:
-    """Million steps/s of the suite's plant: one joint, or a block of lanes."""
+def of_the_suite(way: str) -> float:
+    """Million steps/s of the suite's plant: `all laws` or `no laws` of one joint, or a `block`."""
     parameters = PlantParameters.from_rig(load_rig(ELBOW))
     constants = np.repeat(derive_constants(parameters.values)[None], WIDTH, 0)
     states = np.repeat(initial_state(parameters)[None], WIDTH, 0)
@@ -225,20 +225,22 @@ def of_the_suite(*, side_by_side: bool) -> float:
     tables = tuple(np.ascontiguousarray(table) for table in parameters.tables)
     kernel = lane_kernels(constants)[0].for_all(WIDTH)
     (group,) = blocks_of_lanes(constants, [kernel], STEPS * STEP, STEP)
-    plant = Plant(parameters, STEP)
+    plant, long = Plant(parameters, STEP), np.tile(commands, (10, 1))
 
     def call() -> None:
-        if side_by_side:
+        if way == "block":
             simulate_block(
                 group, constants, tables, commands, states, outputs,
                 sample_time=STEPS * STEP, shut=False,
             )  # fmt: skip
+        elif way == "no laws":
+            simulate(parameters, long, STEPS * STEP, step=STEP, kernels=[kernel.for_all(1)])
         else:
-            plant.step((0.05, -0.05), LONG * STEPS * STEP)
+            plant.step((0.05, -0.05), len(long) * STEPS * STEP)
 
     call()
     seconds = min(timeit.repeat(call, number=1, repeat=REPEATS))
-    return 1e-6 * (WIDTH if side_by_side else 1) * LONG * STEPS / seconds
+    return 1e-6 * (WIDTH * LONG if way == "block" else len(long)) * STEPS / seconds
 
 
 def _declare(parser: Parser) -> None:
@@ -253,8 +255,9 @@ def _run(given: Arguments) -> Outcome:
         "numba, one lane": measured(rates_alone, 1, flat=True),
         "numba, slices": measured(rates_of_slices, LANES, flat=False),
         "numba, lane views": measured(rates_of_views, LANES, flat=True),
-        "suite, one joint": of_the_suite(side_by_side=False),
-        "suite, a block of lanes": of_the_suite(side_by_side=True),
+        "suite, one joint": of_the_suite("all laws"),
+        "suite, one joint without laws": of_the_suite("no laws"),
+        "suite, a block of lanes": of_the_suite("block"),
     }
     for name, rate in found.items():
         share = f", {rate / limit['scalar']:5.2f} of scalar C" if limit else ""
