@@ -22,7 +22,7 @@ def ages(first_phase: float, cycles: int, drift: float = 0.0, jitter: float = 0.
     follower, draw = PhaseFollower(loop), random.Random(0)
     every = PERIOD * (1.0 + drift)
     now, found = 10.0 * PERIOD + first_phase, []
-    late = [draw.uniform(0.0, jitter) for _ in range(cycles * 2 + 40)]
+    late = [draw.uniform(0.0, jitter) for _ in range(cycles * 5 + 100)]
     for _ in range(cycles):
         newest = int(now / every)
         while newest * every + late[newest] > now:
@@ -41,6 +41,26 @@ def test_a_cycle_begins_shortly_after_its_input_whatever_the_first_phase_is(
 ) -> None:
     found = ages(phase * PERIOD, 1500, drift)
     assert found[-1] == pytest.approx(WAIT, abs=2e-5)
+
+
+@pytest.mark.parametrize("ratio", [0.25, 0.5, 2.0, 5.0])
+def test_boards_with_a_multiple_or_a_part_of_the_rate_are_followed(ratio: float) -> None:
+    found = ages(0.7 * PERIOD, 6000, ratio - 1.0)
+    every = min(ratio, 1.0) * PERIOD
+    assert found[-1] % every == pytest.approx(WAIT % every, abs=4e-5)
+
+
+@pytest.mark.parametrize("ratio", [0.37, 0.83, 1.37, 2.6])
+def test_boards_with_any_other_rate_do_not_change_that_of_the_loop(ratio: float) -> None:
+    """The phases then differ from cycle to cycle, and the shifts cancel out."""
+    loop = PeriodicLoop(lambda now: None, PERIOD)
+    follower, now, shifts = PhaseFollower(loop), 1.0, []
+    for _ in range(5000):
+        follower.follow(now % (ratio * PERIOD))
+        shifts.append(loop._shift)
+        now += PERIOD + loop._shift
+        loop._shift = 0.0
+    assert abs(sum(shifts)) / len(shifts) < 2e-3 * PERIOD
 
 
 def test_jitter_of_the_inputs_does_not_make_the_loop_jump_between_two_of_them() -> None:

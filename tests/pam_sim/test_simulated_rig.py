@@ -274,8 +274,11 @@ def test_program_names_bad_input(extra, message, capsys):
 
 def test_true_rig_file_is_the_plant(rig, tmp_path, make_rig):
     truth = tmp_path / "true.yaml"
-    save_rig(make_rig(joint={"effects": {"payload": {"mass": 1.0}}}), truth)
+    loaded = {"payload": {"mass": 1.0, "distance": 0.2}, "coulomb_friction": {"torque": 0.3}}
+    save_rig(make_rig(joint={"effects": loaded}), truth)
     from pam_model.rig import load_rig
 
     simulated = SimulatedRig(rig, truth=load_rig(truth))
-    assert simulated.parameters[0]["payload.mass"] == 1.0
+    heavier = simulated.parameters[0]["joint.inertia"] - rig.joints[0].inertia
+    assert heavier == pytest.approx(0.04)
+    assert simulated.parameters[0]["coulomb_friction.torque"] == 0.3

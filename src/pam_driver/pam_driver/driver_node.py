@@ -334,7 +334,7 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         snapshot = driver.cycle(now, wall_now, lambda: (time.monotonic(), time.time()), control)
         sent_at = time.time()
         if self._follower is not None:
-            self._follower.follow(wall_now - snapshot.pressure_stamp)
+            self._follower.follow(wall_now - snapshot.newest_stamp)
         self._snapshot = snapshot
         self._topics.publish(snapshot, driver.intake, wall_now, sent_at)
 

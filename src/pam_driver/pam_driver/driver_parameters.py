@@ -34,8 +34,8 @@ TABLE: Final = (
         "where the system permits it; 0: none"
     ),
     Parameter(
-        "align", False, "-", 0, 0, "shift the cycles so that they begin shortly after the boards' "
-        "measurements arrive, for boards that measure at the rate of the driver"
+        "align", True, "-", 0, 0, "shift the cycles, by a fiftieth of a period at most, so that "
+        "they begin shortly after the boards' measurements have arrived"
     ),
     Parameter("bus.interface", "socketcan", "-", 0, 0, "python-can's name of the interface"),
     Parameter("bus.channel", "can0", "-", 0, 0, "network interface, multicast group or device"),

@@ -28,6 +28,7 @@ class Snapshot(NamedTuple):
     # none is fresh
     pressure_time: float = math.inf
     joint_time: float = math.inf
+    newest_stamp: float = 0.0  # wall-clock time of the newest of all [s], 0 if none is fresh
 
 
 def take_snapshot(
@@ -73,4 +74,5 @@ def take_snapshot(
         min(joint_stamps, default=0.0),
         pressure_time=pressure_time,
         joint_time=joint_time,
+        newest_stamp=max((*pressure_stamps, *joint_stamps), default=0.0),
     )
