@@ -33,8 +33,7 @@ READING: Final = 1.0
 
 @cache
 def _on_disk(function: str, variant: LaneVariant) -> bool:
-    name = f"{function}_{kernel_name(variant)}"
-    return is_on_disk(name) or is_on_disk(f"{name}_fused")
+    return is_on_disk(f"{function}_{kernel_name(variant)}")
 
 
 class CompileBeside:
@@ -80,15 +79,6 @@ class CompileBeside:
                 thread.start()
                 thread.join(READING if on_disk else 0.0)
         return thread is not None and not thread.is_alive() and kernel not in self._failed
-
-    def is_ready_for_one(
-        self, kernel: LaneKernel, work: int, compile_it: Callable[[LaneKernel, int], object]
-    ) -> bool:
-        """`is_ready` for a batch of one lane."""
-        variant = kernel.variant
-        return self.is_ready(
-            variant, work, partial(compile_it, kernel, 0), _on_disk(self._function, variant)
-        )
 
     def ready_kernels(
         self,

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -65,7 +66,9 @@ def _kernel_of_one(
         return run
     if kernels is None:
         (own,) = lane_kernels(constants)
-        kernels = (own,) if _SINGLE_KERNELS.is_ready_for_one(own, work, compile_it) else ()
+        # also read from disk only where it is worth it, as that takes as long as two million steps
+        ready = _SINGLE_KERNELS.is_ready(own.variant, work, partial(compile_it, own, 0))
+        kernels = (own,) if ready else ()
     return run_without_laws(kernels[0].variant) if kernels else run
 
 
