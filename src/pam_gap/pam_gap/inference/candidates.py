@@ -143,7 +143,9 @@ def richer_starts(rich: Candidate, simple: Candidate, values: Array) -> tuple[Ar
 def candidates_for(rig: Rig, joint: Joint, sides: Sequence[str] = SIDES) -> tuple[Candidate, ...]:
     """Every effect of the table as a candidate for one joint of a rig.
 
-    Effects in the rig file are candidates too; the fitted values replace those of the file.
+    Effects in the rig file are candidates too; the fitted values replace those of the file. Of a
+    file that was read, the effects that only change its numbers are in the numbers already, and
+    such a candidate adds to them.
 
     Parameters
     ----------

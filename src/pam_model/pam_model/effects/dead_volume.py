@@ -8,7 +8,7 @@ from pam_model.effects.slots import Adjusts
 
 
 def larger_dead_volume(dead_volume: float, extra_volume: float) -> float:
-    """Gas volume outside the braid [m^3]."""
+    """Gas volume outside the braid [m^3], at least 0."""
     return max(0.0, dead_volume + extra_volume)
 
 

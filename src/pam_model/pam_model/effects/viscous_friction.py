@@ -8,7 +8,7 @@ from pam_model.effects.slots import Adjusts
 
 
 def larger_damping(viscous_friction: float, extra: float) -> float:
-    """Damping of the joint [N m s/rad]."""
+    """Damping of the joint [N m s/rad], at least 0."""
     return max(0.0, viscous_friction + extra)
 
 
