@@ -72,12 +72,11 @@ from pam_model.plant.muscle_stage import gas_volume, muscle_speed, pull
 def winding(c: Any, position: float) -> tuple[float, float]:
     """Angle by which a round pulley would wind up as much cable [rad], and arm in pulley radii."""
     slope, bend = 0.0, 0.0
-    is_round = True
     if c[C_ARM_SLOPE] != 0.0:
-        slope, is_round = c[C_ARM_SLOPE], False
+        slope = c[C_ARM_SLOPE]
     if c[C_ARM_BEND] != 0.0:
-        bend, is_round = c[C_ARM_BEND], False
-    if is_round:
+        bend = c[C_ARM_BEND]
+    if slope == 0.0 and bend == 0.0:  # known to the compiler in a kernel without such arms
         return position, 1.0
     return wound_angle(position, slope, bend), relative_arm(position, slope, bend)
 

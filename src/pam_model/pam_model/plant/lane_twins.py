@@ -88,7 +88,8 @@ class _WithoutLaws(ast.NodeTransformer):
         self.generic_visit(node)
         test = node.test
         if isinstance(test, ast.Compare) and isinstance(test.left, ast.Constant):
-            # Only `c[...] > 0.0` of something that is off becomes a comparison of two constants.
+            # Only a comparison of `c[...]` with 0.0 of something that is off becomes one of two
+            # constants; it is false.
             return node.orelse
         return node
 
@@ -103,10 +104,9 @@ class _WithoutLaws(ast.NodeTransformer):
         count = call.args[0]
         if isinstance(count, ast.Constant):
             times = int(str(count.value))
-        elif ast.unparse(count) in COUNTS_OF_MUSCLES:
-            times = self.muscles
         else:
-            return self.visit_other_loop(node)
+            assert ast.unparse(count) in COUNTS_OF_MUSCLES, ast.unparse(count)
+            times = self.muscles
         repeated: list[ast.stmt] = []
         for number in range(times):
             once = ast.Assign([ast.Name(node.target.id, ast.Store())], ast.Constant(number))
@@ -114,11 +114,6 @@ class _WithoutLaws(ast.NodeTransformer):
                 new = self.visit(statement)
                 repeated += new if isinstance(new, list) else [new]
         return repeated
-
-    def visit_other_loop(self, node: ast.For) -> ast.stmt:
-        """A loop over states, which stays one."""
-        self.generic_visit(node)
-        return node
 
 
 class _ToLane(_WithoutLaws):
@@ -148,10 +143,6 @@ class _ToLane(_WithoutLaws):
         if isinstance(node.func, ast.Name) and node.func.id in self.inner:
             node.args.insert(0, ast.Name("lane", ast.Load()))
         return node
-
-    def visit_other_loop(self, node: ast.For) -> ast.stmt:
-        """There is none in what works on lanes."""
-        raise AssertionError(ast.unparse(node.iter))
 
 
 def kernel_name(variant: Variant) -> str:

@@ -66,7 +66,7 @@ def _kernel_of_one(
         return run
     if kernels is None:
         (own,) = lane_kernels(constants)
-        # also read from disk only where it is worth it, as that takes as long as two million steps
+        # also read from disk only where it is worth it: that takes longer than a short simulation
         ready = _SINGLE_KERNELS.is_ready(own.variant, work, partial(compile_it, own, 0))
         kernels = (own,) if ready else ()
     return run_without_laws(kernels[0].variant) if kernels else run

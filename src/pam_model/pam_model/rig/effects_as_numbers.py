@@ -46,10 +46,7 @@ def effects_as_numbers(rig: Rig) -> Rig:
         If an effect leads to a number that a rig file may not have; the text names both.
     """
     joints = tuple(
-        replace(one, **_changed(one, one.effects), effects=_rest(one.effects))
-        if _merges(one.effects)
-        else one
-        for one in rig.joints
+        replace(one, **_changed(one, one.effects), effects=_rest(one.effects)) for one in rig.joints
     )
     muscles = tuple(
         replace(
@@ -58,8 +55,6 @@ def effects_as_numbers(rig: Rig) -> Rig:
             valve=replace(one.valve, **_changed(one.valve, one.effects, f"{one.name}.")),
             effects=_rest(one.effects),
         )
-        if _merges(one.effects)
-        else one
         for one in rig.muscles
     )
     return replace(rig, joints=joints, muscles=muscles)
