@@ -312,7 +312,7 @@ def test_the_cost_of_a_design_is_its_definition(task):
     kinds = set()
     for _ in range(400):
         gains = cost.gains(draw.uniform(*np.transpose(EXPONENT_BOUNDS)))
-        opened = pid_response(gains, OMEGA) * plant
+        opened = pid_response(gains, task.timing, OMEGA) * plant
         returned = 1.0 + opened
         end = np.unwrap(np.angle(returned), axis=1)[:, -1]
         found = cost.of(gains)

@@ -14,20 +14,23 @@ from dataclasses import asdict, dataclass, field
 from typing import Any, ClassVar, Final
 
 import numpy as np
+import numpy.typing as npt
 
 from pam_check.blind.truth_plant import TruthMuscle
 from pam_check.control.closed_loop import PERIOD, TOLD, RunTrace, play, true_rig
 from pam_check.control.rough_control import NOTHING, RoughControl
 from pam_control.controller import Controller
-from pam_control.feedback.gain_design import DesignTask, PidCost
-from pam_control.feedback.linear_joint import response_parts
-from pam_control.feedback.margins import pid_response
+from pam_control.feedback.gain_design import TRACKING_BAND
+from pam_control.feedback.linear_joint import LoopTiming, frequency_response, response_parts
+from pam_control.feedback.margins import LoopCase, pid_response
+from pam_control.feedback.pid import PidGains
 from pam_control.laws.position_stiffness import PositionStiffness
 from pam_model.command_line import Arguments, Outcome, progress
 from pam_model.common_options import chosen_rig
 from pam_model.rig import Rig, load_rig
 
 DISTURBED_AT: Final = (0.5, 1.0, 2.0)  # Hz
+BAND_POINTS: Final = 100
 MOTION: Final = "arm"
 REFERENCE_DENSITY: Final = 1.185  # kg/m^3 of ISO 8778
 LITRES: Final = 1e3  # per m^3
@@ -63,23 +66,31 @@ def _margins(degrees: float, sensitivity: float) -> Variant:
     return Variant(f"margins {degrees:g} deg, {sensitivity:g}", changes)
 
 
+def _observed(bandwidth: float, lead: float) -> Variant:
+    changes = {"motion_observer": bandwidth, "feedback_lead": lead}
+    return Variant(f"observed {bandwidth:g}, lead {lead:g}", changes)
+
+
+def _filtered(milliseconds: float, lead: float) -> Variant:
+    changes = {
+        "motion_observer": 0.0,
+        "derivative_filter": 1e-3 * milliseconds,
+        "feedback_lead": lead,
+    }
+    return Variant(f"filter {milliseconds:g} ms, lead {lead:g}", changes)
+
+
 VARIANTS: Final = (
-    Variant("one set, lead 0", {"feedback_lead": 0.0}, scheduled=False),
-    *(Variant(f"lead {lead:g}", {"feedback_lead": lead}) for lead in (0.0, 0.25)),
+    Variant("one set, filtered", {"feedback_lead": 0.0, "motion_observer": 0.0}, scheduled=False),
+    *(_filtered(10.0, lead) for lead in (0.0, 0.25, 0.5, 1.0)),
+    _filtered(5.0, 0.5),
+    _filtered(3.0, 0.5),
     Variant("default"),
-    *(Variant(f"lead {lead:g}", {"feedback_lead": lead}) for lead in (0.75, 1.0)),
+    *(_observed(bandwidth, 0.3) for bandwidth in (100.0, 150.0, 200.0, 300.0)),
+    *(_observed(200.0, lead) for lead in (0.0, 0.2, 0.4, 0.5)),
     _margins(45.0, 1.7),
     _margins(42.0, 1.8),
-    _margins(38.0, 2.0),
     Variant("unknown delay 5 ms", {"extra_delay": 5e-3}),
-    *(
-        Variant(
-            f"filter {1e3 * filtered:g} ms, lead {lead:g}",
-            {"derivative_filter": filtered, "feedback_lead": lead},
-        )
-        for filtered in (7e-3, 5e-3, 3e-3)
-        for lead in (0.25, 0.5)
-    ),
 )
 
 
@@ -128,6 +139,28 @@ def air_taken(trace: RunTrace, muscles: tuple[TruthMuscle, TruthMuscle], rig: Ri
     return LITRES * volume / (trace.position.size * PERIOD)
 
 
+def sensitivity(case: LoopCase, timing: LoopTiming, gains: PidGains) -> float:
+    """RMS of |S| over the tracking band [-]."""
+    omega = 2.0 * math.pi * np.geomspace(*TRACKING_BAND, BAND_POINTS)
+    plant = frequency_response(case.point, case.loop, timing, omega)
+    returned = 1.0 + plant * pid_response(gains, timing, omega)
+    return math.sqrt(float(np.mean(np.abs(returned) ** -2.0)))
+
+
+def compliance(case: LoopCase, timing: LoopTiming, gains: PidGains) -> npt.NDArray[np.float64]:
+    """Angle per outside torque at the frequencies `DISTURBED_AT` [rad/(N m)].
+
+    A motion observer sees the acceleration by the muscles, which the outside torque is not part of.
+    """
+    omega = 2.0 * math.pi * np.array(DISTURBED_AT)
+    drive, spring, late = response_parts(case.point, case.loop, timing, omega)
+    unseen = np.full(omega.shape, -case.point.accelerations(1.0)[0], dtype=np.complex128)
+    pushed = 1.0 - drive * late * pid_response(gains, timing, omega, 0.0, unseen)
+    held = spring + drive * late * pid_response(gains, timing, omega)
+    result: npt.NDArray[np.float64] = np.abs(pushed / held)
+    return result
+
+
 def measured(rough: RoughControl, variant: Variant, seed: int) -> FeedbackCost:
     """Design the gains in one way, and play the motion with them."""
     law = PositionStiffness() if variant.scheduled else OneSet()
@@ -135,19 +168,15 @@ def measured(rough: RoughControl, variant: Variant, seed: int) -> FeedbackCost:
     models, settings, design = controller.channels[0].models, controller.settings, controller.design
     schedule = settings.gains[models.name]
     timing = design.timing(models, settings)
-    worst = 0.0
-    for case in design.cases(models, settings):
-        gains = schedule.at(case.scheduled)
-        task = DesignTask((case,), timing, 0.0, math.inf, gains.derivative_filter, lead=gains.lead)
-        worst = max(worst, PidCost(task).of(gains))
+    worst = max(
+        sensitivity(case, timing, schedule.at(case.scheduled))
+        for case in design.cases(models, settings)
+    )
     told = settings.replace(extra_delay=0.0)
     stiffness = models.scale.complete(settings).default_stiffness
-    omega = 2.0 * math.pi * np.array(DISTURBED_AT)
-    yielding, timing_now = np.zeros(omega.size), design.timing(models, told)
-    for case in design.cases(models, told.replace(stiffness_grid=(stiffness,))):
-        drive, spring, late = response_parts(case.point, case.loop, timing_now, omega)
-        fed_back = drive * late * pid_response(schedule.at(stiffness), omega)
-        yielding = np.maximum(yielding, np.abs(1.0 / (spring + fed_back)))
+    cases = design.cases(models, told.replace(stiffness_grid=(stiffness,)))
+    now, gains = design.timing(models, told), schedule.at(stiffness)
+    yielding = np.max([compliance(case, now, gains) for case in cases], axis=0)
     joint, muscles = rough.hidden(NOTHING)
     played, trace = play(controller, joint, muscles, rough.motions[MOTION], seed)
     return FeedbackCost(

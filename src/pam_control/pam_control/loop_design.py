@@ -87,6 +87,7 @@ class LoopDesign:
             regulated=valves[0].kind == PRESSURE_REGULATOR,
             position_delay=models.position_delay,
             valve_damping=min(valve.damping for valve in valves),
+            pressure_lag=models.pressure_lag,
         )
 
     def designed(self, settings: ControlSettings, one_set: bool = False) -> ControlSettings:
@@ -145,6 +146,7 @@ class LoopDesign:
             settings.phase_margin,
             settings.sensitivity,
             settings.derivative_filter,
+            unknown_delay=settings.extra_delay,
             lead=self._lead(models, settings),
         )
 
@@ -159,9 +161,11 @@ class LoopDesign:
     def _found(self, models: JointModels, settings: ControlSettings) -> PidGains:
         """Designed gains; without an observer if none keeps the margins."""
         task, name = self._task(models, settings), models.name
-        if self.law.has_observer and settings.observer and settings.feedforward:
+        if self.law.has_observer and settings.feedforward:
+            observed = dataclasses.replace(task, motion=settings.motion_observer)
+            if settings.observer:
+                observed = dataclasses.replace(task, has_observer=True)
             with contextlib.suppress(ControlDesignError):
-                observed = dataclasses.replace(task, unknown_delay=settings.extra_delay)
                 return self.designs.pid(name, observed)
         return self.designs.pid(name, task)
 
@@ -172,7 +176,7 @@ class LoopDesign:
                 continue
             near = settings.replace(stiffness_grid=(stiffness,)) if stiffness > 0.0 else settings
             task = self._task(models, near)
-            cost = ObserverCost(dataclasses.replace(task, unknown_delay=settings.extra_delay))
+            cost = ObserverCost(dataclasses.replace(task, has_observer=True))
             if not cost.stable(gains):
                 raise ControlDesignError(
                     f"{models.name}: a disturbance observer of {gains.observer:g} rad/s "
@@ -322,6 +326,7 @@ class LoopDesign:
             asked = settings.replace(
                 extra_delay=settings.safe_delay,
                 feedback_lead=0.0,
+                motion_observer=0.0,
                 pressure_gain=None,
                 gains={},
                 partial_gains={},

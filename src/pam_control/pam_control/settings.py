@@ -124,6 +124,12 @@ class ControlSettings:
         "share of the pressure loops' lag for which the feedback makes up by a lead", loop=True,
         laws=("model_based", "torque" ),
     )
+    motion_observer: float = declared(
+        "pid.motion_observer", 200.0, "rad/s", 0.0, 1000.0,
+        "bandwidth of the observer that gives the feedback speed and acceleration, from the position "
+        "and from the torque of the muscles; 0: the position alone, filtered", loop=True,
+        laws=ADAPTS,
+    )
     integral_limit: float = declared(
         "pid.integral_limit", BY_SIZE, "N m", 0.0, 1e4,
         "maximum integral part (pressure_ratio_pid: of the ratio, no unit)",

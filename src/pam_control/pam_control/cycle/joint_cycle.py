@@ -17,8 +17,13 @@ from typing import Any, Final
 import numpy as np
 
 from pam_control.feedback.gain_schedule import gains_at
+from pam_control.feedback.motion_observer import observe_motion
 from pam_control.feedback.pid import (
+    F_BEND,
     F_INTEGRAL,
+    F_MOTION,
+    F_SLOPE,
+    G_MOTION,
     G_OBSERVER,
     N_FEEDBACK,
     N_GAINS,
@@ -49,9 +54,11 @@ from pam_control.rows.plan_rows import (
     W_RATE,
     W_REFERENCE,
     W_SPEED,
+    X_EXPLAINED,
     X_FRESH,
     X_HANDED,
     X_INTEGRAL,
+    X_IS_OBSERVED,
     X_MEASURED_AT,
     X_MISSED,
     X_NEW_INTEGRAL,
@@ -109,6 +116,21 @@ def copy_moment(row: Any, at: int, other: Any, other_at: int) -> None:
         row[at + place] = other[other_at + place]
 
 
+def see_motion(k: Any, x: Any, position: float, fresh: float) -> None:
+    """Let the derivatives of the error be those of the observed motion, where it is observed."""
+    f, bandwidth = K_FEEDBACK, k[K_GAINS + G_MOTION]
+    seen = f + F_MOTION
+    x[X_IS_OBSERVED] = 1.0 if bandwidth > 0.0 else 0.0
+    if bandwidth == 0.0:
+        k[seen] = x[X_EXPLAINED] = math.nan
+        return
+    explained = x[X_EXPLAINED]
+    observe_motion(k, seen, position, k[K_VELOCITY], explained, fresh, bandwidth)
+    acceleration = 0.0 if math.isnan(explained) else explained + k[seen + 2]
+    k[f + F_SLOPE] = x[X_SEEN + 2] - k[seen + 1]
+    k[f + F_BEND] = x[X_SEEN + 3] - acceleration
+
+
 @entry_point
 def sense(
     owned: Any, w: Any, x: Any, k: Any, u: Any, d: Any, v: Any, history: Any, ends: Any,
@@ -148,6 +170,7 @@ def sense(
         fresh = take_position(k[i], positions[i], position_time, u[i][U_SPEED_FILTER])
         error = x[i][X_SEEN + 1] - positions[i]
         gains_at(u[i], U_SCHEDULE, u[i][U_SCHEDULED], k[i][K_STIFFNESS], k[i], K_GAINS)
+        see_motion(k[i], x[i], positions[i], fresh)
         x[i][X_OUTPUT] = pid_output(k[i], f, K_GAINS, error, fresh)
         x[i][X_INTEGRAL] = k[i][f + F_INTEGRAL]
         x[i][X_OBSERVER] = k[i][K_GAINS + G_OBSERVER]

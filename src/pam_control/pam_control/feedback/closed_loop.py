@@ -19,6 +19,8 @@ from pam_control.feedback.pid import PidGains
 from pam_model.views.linearised_joint import OperatingPoint
 
 PADE_ORDER = 4
+POSITION = control.ss([], [], [], [[1.0, 0.0]])
+"""Of a position and an acceleration."""
 
 
 def is_stable(case: LoopCase, timing: LoopTiming, gains: PidGains) -> bool:
@@ -26,26 +28,50 @@ def is_stable(case: LoopCase, timing: LoopTiming, gains: PidGains) -> bool:
     pid = control.ss([[0.0]], [[1.0]], [[gains.integral]], [[gains.proportional]])
     if gains.integral == 0.0:
         pid = control.ss([], [], [], [[gains.proportional]])
-    if gains.derivative != 0.0:
-        Tf = max(gains.derivative_filter, 1e-4)
-        slope = control.ss([[-1.0 / Tf]], [[1.0]], [[-1.0 / Tf**2]], [[1.0 / Tf]])
-        led = _gain([[1.0]]) + gains.lead * slope if gains.lead > 0.0 else _gain([[1.0]])
-        pid = control.parallel(pid, gains.derivative * control.series(slope, led))
-    closed = control.feedback(control.series(pid, state_space(case.point, case.loop, timing)), 1)
+    if gains.motion > 0.0:
+        pid = control.parallel(control.series(POSITION, pid), _observed_derivative(timing, gains))
+    else:
+        if gains.derivative != 0.0:
+            Tf = max(gains.derivative_filter, 1e-4)
+            slope = control.ss([[-1.0 / Tf]], [[1.0]], [[-1.0 / Tf**2]], [[1.0 / Tf]])
+            led = _gain([[1.0]]) + gains.lead * slope if gains.lead > 0.0 else _gain([[1.0]])
+            pid = control.parallel(pid, gains.derivative * control.series(slope, led))
+        pid = control.series(POSITION, pid)
+    closed = control.feedback(control.series(_motion(case.point, case.loop, timing), pid), 1)
     return bool(np.all(closed.poles().real < 0.0))
 
 
 def state_space(point: OperatingPoint, loop: LoopStructure, timing: LoopTiming) -> Any:
     """The system from w to q as a `control.StateSpace`, the delay as a Pade approximation."""
+    return control.series(_motion(point, loop, timing), POSITION)
+
+
+def _observed_derivative(timing: LoopTiming, gains: PidGains) -> Any:
+    """From position and acceleration to the derivative's part: `motion_observer`, continuous."""
+    pole = gains.motion
+    late = control.ss(control.tf([1.0], [timing.period + timing.pressure_lag, 1.0]))
+    speed, acceleration = gains.derivative, gains.derivative * gains.lead
+    observer = control.ss(
+        [[-3.0 * pole, 1.0, 0.0], [-3.0 * pole**2, 0.0, 1.0], [-(pole**3), 0.0, 0.0]],
+        [[3.0 * pole, 0.0], [3.0 * pole**2, 1.0], [pole**3, 0.0]],
+        [[0.0, speed, acceleration]],
+        [[0.0, acceleration]],
+    )
+    return control.series(control.append(_gain([[1.0]]), late), observer)
+
+
+def _motion(point: OperatingPoint, loop: LoopStructure, timing: LoopTiming) -> Any:
+    """The system from w to position and acceleration, as measurements show them."""
     if timing.regulated:
-        return _regulated_state_space(point, loop, timing)
+        return _regulated_motion(point, loop, timing)
     k = loop.pressure_gain
     muscles = len(point.torque_slopes)
     size, none = 2 + muscles, [0.0] * muscles
+    accelerations = point.accelerations(-point.spring, -point.damping, *point.torque_slopes)
     joint = control.ss(
         [
             [0.0, 1.0, *none],
-            point.accelerations(-point.spring, -point.damping, *point.torque_slopes),
+            accelerations,
             *([0.0, -c, *none] for c in point.motion_pressure),
         ],
         np.eye(size)[:, 2:],
@@ -80,9 +106,16 @@ def state_space(point: OperatingPoint, loop: LoopStructure, timing: LoopTiming) 
     returned = control.series(measured, _gain(gains))
     closed = control.feedback(opened, returned, sign=1)
     into = _gain([[k * g] for g in loop.input])
-    out = _gain(np.eye(size)[:1])
-    result = control.series(into, closed, out)
-    return control.series(result, _late(timing)) if timing.position_delay > 0.0 else result
+    out = _gain([np.eye(size)[0], accelerations])
+    return _held_back(control.series(into, closed, out), timing)
+
+
+def _held_back(motion: Any, timing: LoopTiming) -> Any:
+    """Position and acceleration as late as the position is measured."""
+    if timing.position_delay == 0.0:
+        return motion
+    late = _late(timing)
+    return control.series(motion, control.append(late, late))
 
 
 def _late(timing: LoopTiming) -> Any:
@@ -93,22 +126,17 @@ def _gain(matrix: npt.ArrayLike) -> Any:
     return control.ss([], [], [], np.asarray(matrix, dtype=float))
 
 
-def _regulated_state_space(point: OperatingPoint, loop: LoopStructure, timing: LoopTiming) -> Any:
-    joint = control.ss(
-        [[0.0, 1.0], point.accelerations(-point.spring, -point.damping)],
-        [[0.0], point.accelerations(1.0)],
-        [[1.0, 0.0]],
-        0.0,
-    )
+def _regulated_motion(point: OperatingPoint, loop: LoopStructure, timing: LoopTiming) -> Any:
+    free, push = point.accelerations(-point.spring, -point.damping), point.accelerations(1.0)
+    joint = control.ss([[0.0, 1.0], free], [[0.0], push], [[1.0, 0.0], free], [[0.0], push])
     delay = control.ss(control.tf(*control.pade(timing.delay, PADE_ORDER)))
     tau = max(timing.valve_time_constant, 1e-6)
     lag = control.ss(control.tf([1.0], [tau * tau, 2.0 * timing.valve_damping * tau, 1.0]))
     opened = control.series(delay, lag, joint)
-    if timing.position_delay > 0.0:
-        opened = control.series(opened, _late(timing))
+    opened = _held_back(opened, timing)
     returned, into = (
         sum(n * each for n, each in zip(point.torque_slopes, of_muscles, strict=True))
         for of_muscles in (loop.position_feedback, loop.input)
     )
-    closed = control.feedback(opened, _gain([[returned]]), sign=1)
+    closed = control.feedback(opened, _gain([[returned, 0.0]]), sign=1)
     return control.series(_gain([[into]]), closed)

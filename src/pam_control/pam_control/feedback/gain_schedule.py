@@ -17,7 +17,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from pam_control.feedback.pid import G_FILTER, G_LEAD, N_GAINS, PidGains
+from pam_control.feedback.pid import G_FILTER, G_LEAD, G_MOTION, N_GAINS, PidGains
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +83,7 @@ def gains_at(row: Any, at: int, count: float, stiffness: float, found: Any, to: 
             break
     for number in range(N_GAINS):
         first, second = row[low + 1 + number], row[high + 1 + number]
-        if low == high or number in (G_FILTER, G_LEAD):
+        if low == high or number in (G_FILTER, G_LEAD, G_MOTION):
             found[to + number] = first
         else:
             found[to + number] = (1.0 - share) * first + share * second

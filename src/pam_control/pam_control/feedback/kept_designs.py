@@ -50,6 +50,8 @@ CODE = (
     "gain_schedule",
     "linear_joint",
     "loop_shape",
+    "margins",
+    "motion_observer",
     "observer_design",
 )
 COST_TOLERANCE = 1e-6  # relative; covers the rounding differences between processors
@@ -206,7 +208,7 @@ class KeptDesigns:
         if not all(0.0 <= value < LARGEST_GAIN for value in numbers):
             return None
         kp, ki, kd, observer = numbers
-        gains = PidGains(kp, ki, kd, task.derivative_filter, observer, task.lead)
+        gains = dataclasses.replace(task.gains(kp, ki, kd), observer=observer)
         cost = _cost(task, gains)
         reached = cost < INFEASIBLE and math.isclose(cost, written, rel_tol=COST_TOLERANCE)
         return gains if reached else None
@@ -261,7 +263,7 @@ class KeptDesigns:
 
 
 def _design(joint: str, task: DesignTask) -> PidGains:
-    design = design_pid if task.unknown_delay is None else design_with_observer
+    design = design_with_observer if task.has_observer else design_pid
     return design(joint, task)
 
 
@@ -278,7 +280,7 @@ def _stable(cases: Sequence[LoopCase], timing: LoopTiming, gains: GainSchedule) 
 
 
 def _cost(task: DesignTask, gains: PidGains) -> float:
-    cost = PidCost(task) if task.unknown_delay is None else ObserverCost(task)
+    cost = ObserverCost(task) if task.has_observer else PidCost(task)
     return cost.of(gains)
 
 

@@ -25,6 +25,7 @@ import numpy.typing as npt
 from pam_model.views.linearised_joint import OperatingPoint, PerMuscle
 
 Complex = npt.NDArray[np.complex128]
+Frequencies = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +44,7 @@ class LoopTiming:
     # additional delay of a measured position compared with a measured pressure [s]
     position_delay: float = 0.0
     valve_damping: float = 1.0  # zeta of regulators [-]
+    pressure_lag: float = 0.0  # of the pressure sensors, which counts as a delay as well [s]
 
     @property
     def delay(self) -> float:

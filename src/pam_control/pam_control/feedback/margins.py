@@ -19,15 +19,16 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from pam_control.feedback.gain_schedule import GainSchedule
 from pam_control.feedback.linear_joint import (
     Complex,
+    Frequencies,
     LoopStructure,
     LoopTiming,
     frequency_response,
 )
+from pam_control.feedback.motion_observer import seen_motion
 from pam_control.feedback.pid import PidGains
 from pam_model.errors import PamError
 from pam_model.views.linearised_joint import OperatingPoint
@@ -36,7 +37,6 @@ LEAST_PHASE_MARGIN = math.radians(30.0)
 GRID = np.geomspace(0.05, 500.0, 400)  # rad/s
 ZOOMS, ZOOM_POINTS = 3, 33  # each zoom makes an interval of the grid 32 times narrower
 
-Frequencies = npt.NDArray[np.float64]
 Response = Callable[[Frequencies], Complex]
 """Maps angular frequencies [rad/s] to the complex loop gain."""
 
@@ -92,12 +92,48 @@ class Margins:
         )
 
 
-def pid_response(gains: PidGains, omega: Frequencies) -> Complex:
-    """Frequency response of the PID at `omega` [rad/s]."""
+def pid_response(
+    gains: PidGains,
+    timing: LoopTiming,
+    omega: Frequencies,
+    position: Complex | float = 1.0,
+    explained: Complex | None = None,
+) -> Complex:
+    """Frequency response of the PID, per true position.
+
+    Parameters
+    ----------
+    gains : PidGains
+        The gains.
+    timing : LoopTiming
+        The period of the measurements, and the lag of the pressure sensors.
+    omega : (n,) array
+        [rad/s].
+    position : (n,) array or float, optional
+        Measured position per true position [-].
+    explained : (n,) array, optional
+        Acceleration by the model per true position [1/s^2]; by default the true one.
+    """
+    led = gains.derivative * derivative_response(gains, timing, omega, position, explained)
+    fed = (gains.proportional + gains.integral / (1j * omega)) * position + led
+    return np.asarray(fed, dtype=np.complex128)
+
+
+def derivative_response(
+    gains: PidGains,
+    timing: LoopTiming,
+    omega: Frequencies,
+    position: Complex | float = 1.0,
+    explained: Complex | None = None,
+) -> Complex:
+    """The derivative with its lead, for a gain of one; the arguments are those of the PID."""
     s = 1j * omega
+    if gains.motion > 0.0:
+        explained = s * s if explained is None else explained
+        seen = seen_motion(gains.motion, timing, omega, position, explained)
+        return seen.speed + gains.lead * seen.acceleration
     slope = s / (gains.derivative_filter * s + 1.0)
-    led = gains.derivative * slope * (1.0 + gains.lead * slope)
-    return np.asarray(gains.proportional + gains.integral / s + led, dtype=np.complex128)
+    return np.asarray(slope * (1.0 + gains.lead * slope) * position, dtype=np.complex128)
 
 
 def loop_margins(respond: Response, grid: Frequencies = GRID) -> LoopMargins:
@@ -166,7 +202,7 @@ def margins(case: LoopCase, timing: LoopTiming, gains: PidGains, stable: bool) -
 
     def respond(omega: Frequencies) -> Complex:
         joint = frequency_response(case.point, case.loop, timing, omega)
-        return pid_response(gains, omega) * joint
+        return pid_response(gains, timing, omega) * joint
 
     return Margins(case.point.position, case.point.stiffness, stable, *loop_margins(respond))
 

@@ -27,7 +27,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from pam_control.feedback.gain_design import INFEASIBLE, WORSE_THAN_ANY, DesignTask
+from pam_control.feedback.gain_design import (
+    INFEASIBLE,
+    UNKNOWN_INERTIA,
+    WORSE_THAN_ANY,
+    DesignTask,
+)
 from pam_control.feedback.linear_joint import Complex, response_parts
 from pam_control.feedback.loop_shape import encloses_nothing, least_phase_margin
 from pam_control.feedback.margins import ControlDesignError
@@ -35,7 +40,6 @@ from pam_control.feedback.pid import PidGains
 
 OMEGA = np.geomspace(0.05, 500.0, 200)  # rad/s
 INTEGRAL_TIME = 1.0  # s
-UNKNOWN_INERTIA = 1.5  # times the written one
 UNKNOWN_PHASE_MARGIN = math.radians(35.0)  # with one of the unknowns
 UNKNOWN_SENSITIVITY = 2.0
 BOUNDS = ((-2.0, 1.0), (-3.0, 0.5), (0.7, 2.3))  # exponents of ten: P, D, observer
@@ -54,7 +58,7 @@ class ObserverCost:
     """
 
     def __init__(self, task: DesignTask) -> None:
-        timing, unknown = task.timing, task.unknown_delay or 0.0
+        timing, unknown = task.timing, task.unknown_delay
         s = 1j * OMEGA
         self._s = s
         self._filter, self._lead = task.derivative_filter, task.lead

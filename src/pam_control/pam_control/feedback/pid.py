@@ -1,5 +1,6 @@
 """PID with a filtered derivative of the error, a lead on it, and back-calculated anti-windup.
 
+Where the motion is observed (`motion_observer`), its derivatives take the place of filtered ones.
 The lead makes up for a lag between the output and the torque that it causes: the derivative passes
 1 + lead s, filtered as the derivative is.
 
@@ -19,11 +20,13 @@ from pam_control.limited import limited
 SHRINKING_TIME: Final = 2.0  # s, of an integral above its limit
 
 F_INTEGRAL, F_ERROR, F_SLOPE, F_BEND = range(4)
-N_FEEDBACK: Final = 4
+F_MOTION: Final = 4
+N_FEEDBACK: Final = 7
 """State of a joint's feedback: integral in the unit of the output, last error [rad], its filtered
-derivative [rad/s] and the derivative of that [rad/s^2]."""
-G_PROPORTIONAL, G_INTEGRAL, G_DERIVATIVE, G_FILTER, G_OBSERVER, G_LEAD = range(6)
-N_GAINS: Final = 6
+or observed derivative [rad/s] and the derivative of that [rad/s^2], and from `F_MOTION` on what
+`observe_motion` observes."""
+G_PROPORTIONAL, G_INTEGRAL, G_DERIVATIVE, G_FILTER, G_OBSERVER, G_LEAD, G_MOTION = range(7)
+N_GAINS: Final = 7
 """Gains of a joint, in the order of `PidGains`."""
 
 
@@ -39,20 +42,22 @@ class PidGains:
     derivative_filter: float  # time constant of the derivative's first-order filter [s]
     observer: float = 0.0  # bandwidth of the disturbance observer beside the PID [rad/s]; 0: none
     lead: float = 0.0  # time constant of the lead on the derivative [s]; 0: none
+    # bandwidth of the observer that the derivatives come from [rad/s]; 0: they are filtered
+    motion: float = 0.0
 
     @property
     def row(self) -> list[float]:
         """The gains as `G_PROPORTIONAL` and its like."""
         return [
             self.proportional, self.integral, self.derivative, self.derivative_filter,
-            self.observer, self.lead,
+            self.observer, self.lead, self.motion,
         ]  # fmt: skip
 
 
 def begin_feedback(row: Any, f: int, integral: float) -> None:
     """Reset the state; for zero error the next output is `integral`."""
     row[f + F_INTEGRAL] = integral
-    row[f + F_ERROR] = math.nan
+    row[f + F_ERROR] = row[f + F_MOTION] = math.nan
     row[f + F_SLOPE] = row[f + F_BEND] = 0.0
 
 
@@ -75,11 +80,12 @@ def pid_output(row: Any, f: int, g: int, error: float, step: float) -> float:
     """
     if math.isnan(row[f + F_ERROR]):
         row[f + F_ERROR] = error
-    if step > 0.0:
+    if step > 0.0 and row[g + G_MOTION] == 0.0:
         weight = step / (row[g + G_FILTER] + step)
         change = weight * ((error - row[f + F_ERROR]) / step - row[f + F_SLOPE])
         row[f + F_BEND] += weight * (change / step - row[f + F_BEND])
         row[f + F_SLOPE] += change
+    if step > 0.0:
         row[f + F_ERROR] = error
     return float(row[g + G_PROPORTIONAL] * error + row[f + F_INTEGRAL] + led(row, f, g))
 

@@ -74,6 +74,7 @@ from pam_control.rows.plan_rows import (
     X_CORRECTION,
     X_DISTURBANCE,
     X_ESTIMATE_DUE,
+    X_EXPLAINED,
     X_FACTOR,
     X_FRESH,
     X_GRIP,
@@ -81,6 +82,7 @@ from pam_control.rows.plan_rows import (
     X_INSIDE,
     X_INTEGRAL,
     X_IS_DUE,
+    X_IS_OBSERVED,
     X_KNOWN,
     X_LAGGING_INSIDE,
     X_LOST,
@@ -137,6 +139,11 @@ learnt. AHEAD: the pressures for the time when the valves act. NOW: what those o
 what is learnt from it. AIM: torque and stiffness for now. REACHED: the plan."""
 
 
+def compares(s: Any, x: Any) -> bool:
+    """Whether the torque of the muscles is compared with the motion."""
+    return bool(s[S_ADAPTS] > 0.0 or x[X_IS_OBSERVED] > 0.0)
+
+
 def inside(j: Any, position: float) -> float:
     """The position [rad] limited to the range of the muscles' models."""
     return limited(position, j[J_POSITION_LOW], j[J_POSITION_HIGH])
@@ -173,13 +180,13 @@ def observe(
     samples: Any, sample_ends: Any,
 ) -> None:  # fmt: skip
     """Pressures at the time of the position; torques that are known and learnt."""
-    if s[S_ADAPTS] > 0.0 or x[X_OBSERVER] > 0.0:
+    if compares(s, x) or x[X_OBSERVER] > 0.0:
         measure(samples, sample_ends, x[X_MEASURED_AT], w, W_PRESSURE, j[J_KEPT])
     x[X_INSIDE] = inside(j, x[X_POSITION])
     if x[X_OBSERVER] > 0.0:
         for k in range(len(w)):
             w[k][W_AT_SEEN] = value_at(samples, sample_ends, x[X_SEEN], P_MEASURED + k, 1.0)
-    if s[S_ADAPTS] > 0.0:
+    if compares(s, x):
         # the motion with the lag of the pressure sensors, so that both fit
         if j[J_LAG] == 0.0 or math.isnan(y[Y_LAGGING]):
             y[Y_LAGGING], y[Y_LAGGING_SPEED] = x[X_POSITION], x[X_VELOCITY]
@@ -215,10 +222,11 @@ def measured_torques(c: Any, s: Any, w: Any, x: Any, table: Any) -> None:
     """The torques of muscles in closed form at the measured pressures."""
     if x[X_OBSERVER] > 0.0:
         x[X_TORQUE_SEEN], _ = muscles_torques(c, table, w, W_LINE, W_AT_SEEN, x[X_INSIDE])
-    if s[S_ADAPTS] > 0.0:
+    if compares(s, x):
         place = x[X_LAGGING_INSIDE]
         x[X_TORQUE_LAGGING], x[X_GRIP] = muscles_torques(c, table, w, W_LINE, W_LAGGING, place)
-        x[X_TORQUE_BEFORE], _ = muscles_torques(c, table, w, W_LINE, W_BEFORE, place)
+    if s[S_ADAPTS] > 0.0:
+        x[X_TORQUE_BEFORE], _ = muscles_torques(c, table, w, W_LINE, W_BEFORE, x[X_LAGGING_INSIDE])
 
 
 def ask_ahead(c: Any, w: Any, x: Any, y: Any) -> None:
@@ -259,14 +267,18 @@ def plan_now(
     x[X_PLANNED_TORQUE] = torque
     x[X_IS_DUE] = x[X_ESTIMATE_DUE] = 0.0
     x[X_UNEXPLAINED] = math.nan
+    if not compares(s, x):
+        return
+    position, speed = y[Y_LAGGING], y[Y_LAGGING_SPEED]
+    known = planned_at(plans, ends, x[X_SEEN], P_KNOWN)
+    model = static_torque(c, position, speed)
+    muscles = x[X_TORQUE_LAGGING]
+    moves = muscles + known - model
+    x[X_EXPLAINED] = moves / moving_torque(c, 0.0, 1.0)
     if s[S_ADAPTS] > 0.0:
-        position, speed = y[Y_LAGGING], y[Y_LAGGING_SPEED]
-        known = planned_at(plans, ends, x[X_SEEN], P_KNOWN)
-        model = static_torque(c, position, speed)
-        muscles = x[X_TORQUE_LAGGING]
-        x[X_UNEXPLAINED] = muscles + known - model
+        x[X_UNEXPLAINED] = moves
         is_due = take_torque(
-            a, x[X_FRESH], x[X_UNEXPLAINED], (muscles - x[X_TORQUE_BEFORE]) / RATE_SPAN,
+            a, x[X_FRESH], moves, (muscles - x[X_TORQUE_BEFORE]) / RATE_SPAN,
             position, speed, s[S_SPEED_FILTER],
             planned_at(plans, ends, x[X_SEEN], P_STIFFNESS) + gravity_rate(c, position),
             x[X_GRIP],

@@ -20,7 +20,15 @@ from pam_control.compensation.history_torque import begin_history
 from pam_control.feedback.disturbance_observer import begin_observer
 from pam_control.feedback.stuck_integral import begin_sticking
 from pam_control.joint_models import PRESSURE_SHARE, JointModels
-from pam_control.laws.position_plan import AHEAD, AIM, NOW, OBSERVE, REACHED, plan_parts
+from pam_control.laws.position_plan import (
+    AHEAD,
+    AIM,
+    NOW,
+    OBSERVE,
+    REACHED,
+    compares,
+    plan_parts,
+)
 from pam_control.learning.motion_learner import MotionLearner
 from pam_control.limited import limited
 from pam_control.plan_memory import KEPT_BEFORE_MEASUREMENT, Rings
@@ -61,6 +69,7 @@ from pam_control.rows.plan_rows import (
     X_BESIDE,
     X_CORRECTION,
     X_ESTIMATE_DUE,
+    X_EXPLAINED,
     X_GRIP,
     X_INSIDE,
     X_IS_DUE,
@@ -172,6 +181,7 @@ class PositionRows:
     def rest(self, place: int) -> None:
         """A joint is taken over; what was learnt of it stays."""
         y, estimates = self.y[place], self.estimates[place]
+        self.x[place][X_EXPLAINED] = math.nan
         begin_observer(y, 0.0, 0.0)
         begin_sticking(y)
         begin_history(y, self.memory[place])
@@ -274,7 +284,7 @@ class PositionRows:
             return
         if x[X_OBSERVER] > 0.0:
             x[X_TORQUE_SEEN] = model.torque(self.column(place, W_AT_SEEN), float(x[X_INSIDE]))
-        if s[S_ADAPTS] > 0.0:
+        if compares(s, x):
             both = self.column(place, W_LAGGING), self.column(place, W_BEFORE)
             x[X_TORQUE_LAGGING], x[X_TORQUE_BEFORE] = model.torques(
                 both, float(x[X_LAGGING_INSIDE])

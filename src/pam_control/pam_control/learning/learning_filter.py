@@ -103,7 +103,7 @@ class LearningFilter:
     def closed_response(self, case: LoopCase, timing: LoopTiming, omega: Array) -> Complex:
         """Response from the added torque to the position, in the closed loop [rad/(N m)]."""
         plant = frequency_response(case.point, case.loop, timing, omega)
-        result: Complex = plant / (1.0 + plant * pid_response(self._gains, omega))
+        result: Complex = plant / (1.0 + plant * pid_response(self._gains, timing, omega))
         return result
 
     def next_torque(self, torque: Array, error: Array, period: float) -> Array:
