@@ -120,12 +120,12 @@ class ControlSettings:
         "filter time constant of measured velocities and of the derivative", loop=True,
     )
     feedback_lead: float = declared(
-        "pid.lead", 0.5, "-", 0.0, 1.0,
+        "pid.lead", 0.4, "-", 0.0, 1.0,
         "share of the pressure loops' lag for which the feedback makes up by a lead", loop=True,
         laws=("model_based", "torque" ),
     )
     motion_observer: float = declared(
-        "pid.motion_observer", 200.0, "rad/s", 0.0, 1000.0,
+        "pid.motion_observer", 160.0, "rad/s", 0.0, 1000.0,
         "bandwidth of the observer that gives the feedback speed and acceleration, from the position "
         "and from the torque of the muscles; 0: the position alone, filtered", loop=True,
         laws=ADAPTS,

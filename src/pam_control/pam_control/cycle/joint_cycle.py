@@ -22,6 +22,7 @@ from pam_control.feedback.pid import (
     F_BEND,
     F_INTEGRAL,
     F_MOTION,
+    F_PLANNED,
     F_SLOPE,
     G_MOTION,
     G_OBSERVER,
@@ -126,9 +127,12 @@ def see_motion(k: Any, x: Any, position: float, fresh: float) -> None:
         return
     explained = x[X_EXPLAINED]
     observe_motion(k, seen, position, k[K_VELOCITY], explained, fresh, bandwidth)
-    acceleration = 0.0 if math.isnan(explained) else explained + k[seen + 2]
     k[f + F_SLOPE] = x[X_SEEN + 2] - k[seen + 1]
-    k[f + F_BEND] = x[X_SEEN + 3] - acceleration
+    if fresh > 0.0:
+        # both are the mean acceleration since the measurement before
+        observed = 0.0 if math.isnan(explained) else explained + k[seen + 2]
+        k[f + F_BEND] = 0.5 * (k[f + F_PLANNED] + x[X_SEEN + 3]) - observed
+        k[f + F_PLANNED] = x[X_SEEN + 3]
 
 
 @entry_point

@@ -20,11 +20,11 @@ from pam_control.limited import limited
 SHRINKING_TIME: Final = 2.0  # s, of an integral above its limit
 
 F_INTEGRAL, F_ERROR, F_SLOPE, F_BEND = range(4)
-F_MOTION: Final = 4
-N_FEEDBACK: Final = 7
+F_PLANNED, F_MOTION = 4, 5
+N_FEEDBACK: Final = 8
 """State of a joint's feedback: integral in the unit of the output, last error [rad], its filtered
-or observed derivative [rad/s] and the derivative of that [rad/s^2], and from `F_MOTION` on what
-`observe_motion` observes."""
+or observed derivative [rad/s] and the derivative of that [rad/s^2], acceleration of the reference
+at the last new measurement [rad/s^2], and from `F_MOTION` on what `observe_motion` observes."""
 G_PROPORTIONAL, G_INTEGRAL, G_DERIVATIVE, G_FILTER, G_OBSERVER, G_LEAD, G_MOTION = range(7)
 N_GAINS: Final = 7
 """Gains of a joint, in the order of `PidGains`."""
@@ -58,7 +58,7 @@ def begin_feedback(row: Any, f: int, integral: float) -> None:
     """Reset the state; for zero error the next output is `integral`."""
     row[f + F_INTEGRAL] = integral
     row[f + F_ERROR] = row[f + F_MOTION] = math.nan
-    row[f + F_SLOPE] = row[f + F_BEND] = 0.0
+    row[f + F_SLOPE] = row[f + F_BEND] = row[f + F_PLANNED] = 0.0
 
 
 def continue_feedback(row: Any, f: int, g: int, output: float, error: float) -> None:
