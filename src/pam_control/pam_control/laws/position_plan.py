@@ -274,7 +274,9 @@ def plan_now(
     model = static_torque(c, position, speed)
     muscles = x[X_TORQUE_LAGGING]
     moves = muscles + known - model
-    x[X_EXPLAINED] = (moves - moving_torque(c, speed, 0.0)) / moving_torque(c, 0.0, 1.0)
+    # what was learnt of the torque explains as well
+    moving = muscles + planned_at(plans, ends, x[X_SEEN], P_MEMORY) - model
+    x[X_EXPLAINED] = (moving - moving_torque(c, speed, 0.0)) / moving_torque(c, 0.0, 1.0)
     if s[S_ADAPTS] > 0.0:
         x[X_UNEXPLAINED] = moves
         is_due = take_torque(
