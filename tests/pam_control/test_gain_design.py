@@ -70,7 +70,9 @@ def test_margins_are_those_of_python_control(rig, delay, gains, lead):
     pid = PidGains(*gains, 0.01, lead=lead)
     found = margins(case, timing, pid, is_stable(case, timing, pid))
     omega = np.geomspace(0.05, 500.0, 4000)
-    opened = pid_response(pid, timing, omega) * frequency_response(case.point, case.loop, timing, omega)
+    opened = pid_response(pid, timing, omega) * frequency_response(
+        case.point, case.loop, timing, omega
+    )
     gain, phase, modulus, *_ = control.stability_margins(control.frd(opened, omega, smooth=True))
     assert found.gain_margin == pytest.approx(gain, rel=1e-3)
     assert math.degrees(found.phase_margin) == pytest.approx(phase, abs=0.05)

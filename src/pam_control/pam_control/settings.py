@@ -126,8 +126,8 @@ class ControlSettings:
     )
     motion_observer: float = declared(
         "pid.motion_observer", 160.0, "rad/s", 0.0, 1000.0,
-        "bandwidth of the observer that gives the feedback speed and acceleration, from the position "
-        "and from the torque of the muscles; 0: the position alone, filtered", loop=True,
+        "bandwidth of the observer that gives the feedback speed and acceleration, from the "
+        "position and from the torque of the muscles; 0: the position alone, filtered", loop=True,
         laws=ADAPTS,
     )
     integral_limit: float = declared(

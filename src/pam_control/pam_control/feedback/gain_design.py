@@ -152,9 +152,7 @@ class PidCost:
     """
 
     def __init__(self, task: DesignTask) -> None:
-        loops = [
-            loop for case in task.cases for loop in unknown_loops(task, case, OMEGA)
-        ]
+        loops = [loop for case in task.cases for loop in unknown_loops(task, case, OMEGA)]
         plant, proportional, derivative = (np.array(part) for part in zip(*loops, strict=True))
         kinds = len(loops) // len(task.cases)
         self._task = task
@@ -168,7 +166,11 @@ class PidCost:
         self._scale = 1.0 / float(np.median(np.abs(plant[self._stated, 0])))
         self._parts = [
             (np.ascontiguousarray(part.real), np.ascontiguousarray(part.imag))
-            for part in (plant * proportional, plant * proportional / (1j * OMEGA), plant * derivative)
+            for part in (
+                plant * proportional,
+                plant * proportional / (1j * OMEGA),
+                plant * derivative,
+            )
         ]
         hertz = OMEGA / (2.0 * math.pi)
         low, high = np.searchsorted(hertz, task.band)
