@@ -23,7 +23,7 @@ BAD_STARTS = [
     ({"loop.rate": 5.0}, "loop.rate"),
     ({"gains.elbow.derivative": 8.0}, "not safe"),
     ({"gains.wrist.derivative": 1.0}, "gains"),
-    ({"loop.command_delay": 0.1, "gains.elbow.proportional": 20.0}, "elbow"),
+    ({"loop.command_delay": 0.1, "gains.elbow.proportional": 40.0}, "elbow"),
     ({"design.least_stiffness": 30.0, "design.greatest_stiffness": 20.0}, "must not be above"),
     ({"design.least_stiffness": 30.0}, "both must be given"),
 ]

@@ -48,7 +48,7 @@ COMPENSATED = {
 }
 
 
-TIGHT = ControlSettings(extra_delay=0.0, adaptation=False, feedback_lead=0.0)
+TIGHT = ControlSettings(extra_delay=0.0, adaptation=False, feedback_lead=0.0, motion_observer=0.0)
 """No reserve for an unknown delay: what the compensation leaves is measured with the gains that
 correct most of it, so that a fault of the compensation is not taken for one of the gains. No lead:
 without that reserve it passes on so much of the encoder's steps that they drive a spool to its end

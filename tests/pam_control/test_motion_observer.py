@@ -11,7 +11,12 @@ import pytest
 from pam_control.controller import Controller
 from pam_control.cycle.joint_cycle import K_FEEDBACK
 from pam_control.feedback.closed_loop import is_stable
-from pam_control.feedback.gain_design import OMEGA, UNKNOWN_MARGINS, unknown_loops
+from pam_control.feedback.gain_design import (
+    OMEGA,
+    UNKNOWN_MARGINS,
+    stated_loop,
+    unknown_loops,
+)
 from pam_control.feedback.linear_joint import LoopTiming, frequency_response
 from pam_control.feedback.loop_shape import encloses_nothing
 from pam_control.feedback.margins import derivative_response, loop_margins, pid_response
@@ -122,7 +127,7 @@ def test_designed_gains_keep_margins_with_an_unknown_at_any_place(rig):
         task = design._task(models, near)
         task = dataclasses.replace(task, motion=gains.motion)
         for case in task.cases:
-            loops = unknown_loops(task, case, OMEGA)
+            loops = [*stated_loop(task, case, OMEGA), *unknown_loops(task, case, OMEGA)]
             limits = ((task.phase_margin, task.sensitivity), *UNKNOWN_MARGINS)
             for (plant, position, led), (margin, sensitivity) in zip(loops, limits, strict=True):
                 fed = (gains.proportional + gains.integral / (1j * OMEGA)) * position

@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,6 +34,7 @@ from pam_control.feedback.pid import PidGains
 PRESSURE_PHASE_MARGIN = math.radians(60.0)
 TRACKING_BAND = (0.1, 2.0)  # Hz
 OMEGA = np.geomspace(0.05, 500.0, 320)  # rad/s
+COARSE = OMEGA[::2]
 INFEASIBLE = 1e2  # a cost above it violates a constraint
 WORSE_THAN_ANY = 1e6
 LONGEST_INTEGRAL_TIME = 1.0  # s; with a longer one a joint sags under an unknown load
@@ -98,37 +100,36 @@ def design_pressure_gain(timing: LoopTiming, phase_margin: float = PRESSURE_PHAS
     return low
 
 
-def unknown_loops(
-    task: DesignTask, case: LoopCase, omega: Real
-) -> list[tuple[Complex, Complex | float, Complex]]:
-    """Loops of an operating point that a design has to keep stable.
+Loops = list[tuple[Complex, Complex, Complex]]
+"""Response to a law's output; measured position, and derivative with its lead, each per true
+position."""
 
-    With an observed motion, they are the loop with the unknown delay in the commands; in the
-    position alone; in the pressures alone; and that of a heavier limb. A filtered derivative sees
-    the position only, so that the first one stands for all.
 
-    Returns
-    -------
-    list of (plant, position, derivative)
-        Response to the law's output; measured position, and derivative with its lead, each per true
-        position.
+def stated_loop(task: DesignTask, case: LoopCase, omega: Real) -> Loops:
+    """The loop of an operating point, with the unknown delay in the commands."""
+    plant = frequency_response(case.point, case.loop, task.timing, omega)
+    unit = task.gains(0.0, 0.0, 1.0)
+    one = np.ones(omega.shape, dtype=np.complex128)
+    return [(plant, one, derivative_response(unit, task.timing, omega))]
+
+
+def unknown_loops(task: DesignTask, case: LoopCase, omega: Real) -> Loops:
+    """Loops of an operating point that differ from the stated one, for an observed motion.
+
+    They are those with the unknown delay in the position alone and in the pressures alone, and that
+    of a heavier limb. A filtered derivative sees the position only, so that the stated loop stands
+    for them.
     """
     unit, s = task.gains(0.0, 0.0, 1.0), 1j * omega
-    plant = frequency_response(case.point, case.loop, task.timing, omega)
-    loops: list[tuple[Complex, Complex | float, Complex]] = [
-        (plant, np.ones_like(s), derivative_response(unit, task.timing, omega))
-    ]
-    if task.motion == 0.0:
-        return loops
     sooner = dataclasses.replace(
         task.timing, transport_delay=task.timing.transport_delay - task.unknown_delay
     )
-    heavy = case.point.heavier(UNKNOWN_INERTIA)
     late, in_time = np.exp(-task.unknown_delay * s), np.ones_like(s)
+    loops: Loops = []
     for true, timing, position, pressure in (
         (case.point, sooner, late, in_time),
         (case.point, sooner, in_time, late),
-        (heavy, task.timing, in_time, in_time),
+        (case.point.heavier(UNKNOWN_INERTIA), task.timing, in_time, in_time),
     ):
         muscles = true.dynamic_stiffness(s) * pressure
         modelled = case.point.heavier(0.0).dynamic_stiffness(s) * position
@@ -139,11 +140,54 @@ def unknown_loops(
     return loops
 
 
+class LoopGains:
+    """Loop gains of many loops as sums over the three gains.
+
+    The design evaluates them some thousand times. Therefore they are real arrays of shape (loops,
+    frequencies), and no trigonometric function is called.
+
+    Parameters
+    ----------
+    loops : list of loops
+        Of each operating point, in one order.
+    omega : (n,) array
+        [rad/s].
+    limits : sequence of (float, float)
+        Least phase margin [rad] and largest sensitivity [-] of each of them.
+    """
+
+    def __init__(
+        self, loops: list[Loops], omega: Real, limits: Sequence[tuple[float, float]]
+    ) -> None:
+        rows = [loop for of_point in loops for loop in of_point]
+        plant, position, derivative = (np.array(part) for part in zip(*rows, strict=True))
+        seen = plant * position
+        parts = seen, seen / (1j * omega), plant * derivative
+        self._re = [np.ascontiguousarray(part.real) for part in parts]
+        self._im = [np.ascontiguousarray(part.imag) for part in parts]
+        self._limits = [(slice(k, None, len(limits)), *limit) for k, limit in enumerate(limits)]
+        self.size = float(np.median(np.abs(plant[:, 0])))
+
+    def excess(self, gains: PidGains) -> tuple[float, bool, Real]:
+        """By how much limits are violated; whether all are stable; |1 + L|^2."""
+        three = gains.proportional, gains.integral, gains.derivative
+        re, im = (
+            three[0] * each[0] + three[1] * each[1] + three[2] * each[2]
+            for each in (self._re, self._im)
+        )
+        returned, squared_im = 1.0 + re, im * im
+        squared_distance = returned * returned + squared_im
+        squared_size = re * re + squared_im
+        excess = 0.0
+        for rows, least, most in self._limits:
+            nearest = 1.0 / math.sqrt(float(squared_distance[rows].min()))
+            margin = least_phase_margin(re[rows], im[rows], squared_size[rows])
+            excess += max(nearest - most, 0.0) + max(least - margin, 0.0)
+        return excess, encloses_nothing(returned, im), squared_distance
+
+
 class PidCost:
     """Cost function of the design: tracking error of a PID, with penalties for the constraints.
-
-    The design evaluates it some thousand times. Therefore it works on real arrays of shape
-    (operating points, frequencies) and calls no trigonometric function.
 
     Parameters
     ----------
@@ -152,26 +196,14 @@ class PidCost:
     """
 
     def __init__(self, task: DesignTask) -> None:
-        loops = [loop for case in task.cases for loop in unknown_loops(task, case, OMEGA)]
-        plant, proportional, derivative = (np.array(part) for part in zip(*loops, strict=True))
-        kinds = len(loops) // len(task.cases)
         self._task = task
-        self._stated = slice(0, None, kinds)
-        self._requirements = [
-            (slice(kind, None, kinds), margin, sensitivity)
-            for kind, (margin, sensitivity) in enumerate(
-                ((task.phase_margin, task.sensitivity), *UNKNOWN_MARGINS)[:kinds]
-            )
-        ]
-        self._scale = 1.0 / float(np.median(np.abs(plant[self._stated, 0])))
-        self._parts = [
-            (np.ascontiguousarray(part.real), np.ascontiguousarray(part.imag))
-            for part in (
-                plant * proportional,
-                plant * proportional / (1j * OMEGA),
-                plant * derivative,
-            )
-        ]
+        limits = (task.phase_margin, task.sensitivity)
+        self._stated = LoopGains([stated_loop(task, c, OMEGA) for c in task.cases], OMEGA, [limits])
+        self._unknown = []
+        if task.motion > 0.0:
+            loops = [unknown_loops(task, case, COARSE) for case in task.cases]
+            self._unknown.append(LoopGains(loops, COARSE, UNKNOWN_MARGINS))
+        self._scale = 1.0 / self._stated.size
         hertz = OMEGA / (2.0 * math.pi)
         low, high = np.searchsorted(hertz, task.band)
         self._in_band = slice(int(low), int(high))
@@ -192,25 +224,14 @@ class PidCost:
         gains : PidGains
             Gains with the derivative filter, the lead and the observed motion of the task.
         """
-        three = gains.proportional, gains.integral, gains.derivative
-        opened_re, opened_im = (
-            three[0] * self._parts[0][part]
-            + three[1] * self._parts[1][part]
-            + three[2] * self._parts[2][part]
-            for part in (0, 1)
-        )
-        returned_re = 1.0 + opened_re
-        squared_im = opened_im * opened_im
-        squared_distance = returned_re * returned_re + squared_im
-        squared_size = opened_re * opened_re + squared_im
-        excess = max(1.0 - gains.integral * LONGEST_INTEGRAL_TIME / gains.proportional, 0.0)
-        for rows, least, most in self._requirements:
-            nearest = 1.0 / math.sqrt(float(squared_distance[rows].min()))
-            margin = least_phase_margin(opened_re[rows], opened_im[rows], squared_size[rows])
-            excess += max(nearest - most, 0.0) + max(least - margin, 0.0)
-        if not encloses_nothing(returned_re, opened_im):
+        excess, stable, squared_distance = self._stated.excess(gains)
+        for unknown in self._unknown if stable else ():
+            more, stable, _ = unknown.excess(gains)
+            excess += more
+        excess += max(1.0 - gains.integral * LONGEST_INTEGRAL_TIME / gains.proportional, 0.0)
+        if not stable:
             return WORSE_THAN_ANY + excess
-        squared_sensitivity = 1.0 / squared_distance[self._stated, self._in_band]
+        squared_sensitivity = 1.0 / squared_distance[:, self._in_band]
         error = math.sqrt(float(squared_sensitivity.mean(axis=1).max()))
         return error + 1e3 * excess
 
