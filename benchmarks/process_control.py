@@ -23,7 +23,8 @@ import numpy as np
 from pam_check.blind.effect_cases import KNOWN
 from pam_check.blind.truth_plant import Sensors, TruthJoint
 from pam_check.control.closed_loop import APPROACH, RESTS, SETTLED, START_PRESSURE, Muscles
-from pam_check.control.rough_control import NOTHING, RoughControl
+from pam_check.control.hidden_rigs import NOTHING
+from pam_check.control.rough_control import RoughControl
 from pam_check.control.running_truth import RunningTruth
 from pam_control.control_step import Measurement
 from pam_control.controller import Controller

@@ -28,7 +28,7 @@ from pam_check.blind.plants import PLANTS
 from pam_check.blind.truth_plant import TruthJoint, TruthMuscle
 from pam_check.blind.variety import Variety
 from pam_check.control.closed_loop import true_rig
-from pam_check.control.rough_control import chosen_effects
+from pam_check.control.hidden_rigs import chosen_rigs
 from pam_model.effects import EFFECTS
 from pam_model.errors import PamError
 from pam_model.rig import load_rig
@@ -119,7 +119,7 @@ WORN_VALVE = EffectCase(
 def test_a_row_is_all_that_the_checks_need(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Draw, both plants, label, coverage, regulators and the hidden size of the control check."""
     with pytest.raises(PamError, match="worn_valve: unknown"):
-        chosen_effects(["worn_valve"])
+        chosen_rigs("--effects", ["worn_valve"], [])
     monkeypatch.setitem(KNOWN, "worn_valve", WORN_VALVE)
     monkeypatch.setattr("pam_check.blind.cases.drawn_effects", lambda *_: ["worn_valve"])
     short = partial(draw_excitation, duration=10.0)
@@ -139,7 +139,7 @@ def test_a_row_is_all_that_the_checks_need(tmp_path: Path, monkeypatch: pytest.M
     assert found.true == pytest.approx(1e-10)
     assert found.is_covered
     assert "worn_valve" in Variety(regulator_time=0.02).hidden
-    assert chosen_effects(["worn_valve"]) == ["worn_valve"]
+    assert chosen_rigs("--effects", ["worn_valve"], []) == ["worn_valve"]
     _, muscles = size_of("worn_valve").applied(*true_rig(load_rig(ELBOW)))
     assert [muscle.leak for muscle in muscles] == [1e-10, 1e-10]
 

@@ -7,7 +7,8 @@ import pytest
 
 from pam_check.control.closed_loop import PERIOD, TOLD, RunTrace, play, true_rig
 from pam_check.control.feedback_cost import VARIANTS, Variant, air_taken, measured
-from pam_check.control.rough_control import NOTHING, RoughControl
+from pam_check.control.hidden_rigs import NOTHING
+from pam_check.control.rough_control import RoughControl
 from pam_control.controller import Controller
 from pam_model.rig import load_rig
 

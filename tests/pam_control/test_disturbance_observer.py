@@ -48,7 +48,7 @@ def tracked(closed_loop, controller, motion, **options):
 def test_hidden_torques_cost_less_with_the_observer(closed_loop, rig, reaching, hidden):
     without = tracked(closed_loop, plain(rig), reaching, effects=hidden)
     observed = tracked(closed_loop, observing(rig), reaching, effects=hidden)
-    assert observed < 0.8 * without
+    assert observed < 0.75 * without
 
 
 def test_a_payload_is_reported_as_its_torque(closed_loop, rig):
@@ -115,9 +115,14 @@ def test_more_unknown_delay_means_a_slower_observer(rig):
     assert 0.0 < slow < fast
 
 
-def test_a_bandwidth_that_an_unknown_delay_makes_unstable_is_refused(rig):
-    with pytest.raises(ControlDesignError, match=r"observer of 500 rad/s.*40 ms"):
-        observing(rig, extra_delay=0.04, observer_bandwidth=500.0)
+def test_gains_that_an_unknown_delay_makes_unstable_are_refused(rig):
+    with pytest.raises(ControlDesignError, match=r"observer of 20 rad/s.*20 ms"):
+        observing(
+            rig,
+            extra_delay=0.02,
+            observer_bandwidth=20.0,
+            partial_gains={"elbow": {"proportional": 12.0}},
+        )
 
 
 def test_a_delay_of_the_position_that_is_known_is_no_disturbance():

@@ -46,11 +46,14 @@ def test_designed_gains_keep_the_margins_everywhere(rig, law, feedforward):
         assert found.gain_margin > 2.0
 
 
+@pytest.mark.parametrize("late", [0.0, 0.005])
 @pytest.mark.parametrize(("law", "feedforward"), LAWS)
-def test_exact_delay_and_pade_agree(rig, law, feedforward):
+def test_exact_delay_and_pade_agree(rig, law, feedforward, late):
     controller = Controller(rig, ControlSettings(feedforward=feedforward), law=law)
     channel, settings = controller.channels[0], controller.settings
-    timing = controller.design.timing(channel.models, settings)
+    timing = replace(
+        controller.design.timing(channel.models, settings), pressure_delay=late, position_delay=late
+    )
     omega = np.geomspace(0.1, 150.0, 40)
     for case in controller.design.cases(channel.models, settings):
         exact = frequency_response(case.point, case.loop, timing, omega)

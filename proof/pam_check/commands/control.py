@@ -33,7 +33,8 @@ def _declare_rough_control(parser: Parser) -> None:
         "--effects",
         nargs="+",
         metavar="NAME",
-        help='effects to hide, or "nothing" (default: nothing, then each effect)',
+        help='effects to hide, other rigs of reported-swings, "several" for those with several '
+        'effects, or "nothing" (default: nothing, then each effect)',
     )
     parser.add_argument(
         "--observer", action="store_true", help="let the controller use its disturbance observer"

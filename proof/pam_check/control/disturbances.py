@@ -19,7 +19,8 @@ import numpy as np
 
 from pam_check.blind.truth_plant import Array, Sensors, TruthJoint
 from pam_check.control.closed_loop import PERIOD, SETTLED, START_PRESSURE, TOLD
-from pam_check.control.rough_control import NOTHING, RoughControl
+from pam_check.control.hidden_rigs import NOTHING
+from pam_check.control.rough_control import RoughControl
 from pam_check.control.running_truth import RunningTruth
 from pam_control.control_step import Measurement
 from pam_control.controller import Controller

@@ -20,7 +20,8 @@ import numpy.typing as npt
 
 from pam_check.blind.truth_plant import TruthMuscle
 from pam_check.control.closed_loop import PERIOD, TOLD, RunTrace, play, true_rig
-from pam_check.control.rough_control import NOTHING, RoughControl
+from pam_check.control.hidden_rigs import NOTHING
+from pam_check.control.rough_control import RoughControl
 from pam_control.controller import Controller
 from pam_control.feedback.gain_design import OMEGA, TRACKING_BAND
 from pam_control.feedback.gain_schedule import GainSchedule

@@ -18,9 +18,11 @@ from typing import Final
 
 import pandas as pd
 
+from pam_check.blind.effect_cases import KNOWN
 from pam_check.blind.truth_plant import TruthJoint
 from pam_check.control.closed_loop import PERIOD, TOLD, Muscles, RunTrace, play
-from pam_check.control.rough_control import NOTHING, RoughControl, chosen_effects
+from pam_check.control.hidden_rigs import chosen_rigs
+from pam_check.control.rough_control import RoughControl
 from pam_control.controller import Controller
 from pam_gap import Recording, diagnose, import_recording
 from pam_model.command_line import Arguments, Outcome, progress
@@ -136,7 +138,9 @@ def run(given: Arguments) -> Outcome:
     PamError
         For a rig or an effect that cannot be used.
     """
-    effects = [each for each in chosen_effects(given.effects) if each != NOTHING]
+    effects = [
+        each for each in chosen_rigs("--effects", given.effects, list(KNOWN)) if each in KNOWN
+    ]
     rig = load_rig(chosen_rig(given))
     rough = RoughControl(rig, dataclasses.replace(TOLD, adaptation=False), given.seed)
     results: list[ImprovedResult] = []

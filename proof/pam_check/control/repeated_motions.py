@@ -24,7 +24,8 @@ from pam_check.control.closed_loop import (
     play,
     true_rig,
 )
-from pam_check.control.rough_control import NOTHING, RoughControl
+from pam_check.control.hidden_rigs import NOTHING
+from pam_check.control.rough_control import RoughControl
 from pam_control.controller import Controller
 from pam_control.references.trajectory import TrajectoryPoint
 from pam_model.command_line import Arguments, Outcome, progress

@@ -11,15 +11,14 @@ alarm.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from typing import Final
 
 import numpy as np
 
-from pam_check.blind.effect_cases import KNOWN, size_of
-from pam_check.blind.hidden_size import HiddenSize
-from pam_check.blind.truth_plant import Array, Sensors, TruthJoint
+from pam_check.blind.effect_cases import KNOWN
+from pam_check.blind.truth_plant import Array, Sensors
 from pam_check.control.closed_loop import (
     APPROACH,
     MOTIONS_BEGIN_AT,
@@ -27,19 +26,16 @@ from pam_check.control.closed_loop import (
     SETTLED,
     START_PRESSURE,
     TOLD,
-    Muscles,
 )
-from pam_check.control.rough_control import NOTHING, RoughControl
+from pam_check.control.hidden_rigs import NOTHING, HiddenRig, chosen_rigs, names
+from pam_check.control.rough_control import RoughControl
 from pam_check.control.running_truth import RunningTruth
 from pam_control.control_step import Measurement
 from pam_control.controller import Controller
 from pam_control.references.trajectory import TrajectoryPoint
 from pam_model.command_line import Arguments, Outcome, progress
 from pam_model.common_options import chosen_rig
-from pam_model.errors import PamError
 from pam_model.rig import load_rig
-
-type HiddenRig = tuple[TruthJoint, Muscles]
 
 RESTS: Final = 5.0  # s, after the motion
 JUDGED: Final = 2.0  # s, the end of the rest
@@ -50,48 +46,6 @@ PAUSES: Final = (0.1, 2.0)  # s
 REACHES: Final = (0.6, 2.0)  # s
 SINES: Final = (0.2, 1.5)  # Hz
 STEP: Final = 0.02  # s between waypoints
-
-
-def _late(commands: float = 0.0, encoder: float = 0.0, pressures: float = 0.0) -> HiddenSize:
-    """Delays of the commands and of the encoder, and a lag of the pressure sensors [s]."""
-    both = {"command_delay": commands, "pressure_lag": pressures}
-    return HiddenSize("", muscles=(both, both), joint={"position_delay": encoder})
-
-
-def _rubs(sliding: float, breakaway: float, speed: float) -> HiddenSize:
-    """Dry friction that falls with speed [N m], [rad/s]."""
-    joint = {"coulomb_torque": sliding, "static_torque": breakaway, "stribeck_speed": speed}
-    return HiddenSize("", joint=joint)
-
-
-WRONG_DIMENSIONS: Final = HiddenSize("", scaled_joint={"pulley_radius": 1.02})
-DELAYS: Final[Mapping[str, tuple[HiddenSize, ...]]] = {
-    **{f"commands {d} ms": (_late(commands=1e-3 * d),) for d in (10, 15, 20, 25, 30)},
-    **{f"encoder {d} ms": (_late(encoder=1e-3 * d),) for d in (10, 15, 20, 25, 30)},
-    **{f"pressures {d} ms": (_late(pressures=1e-3 * d),) for d in (10, 20, 30)},
-}
-COMBINED: Final[Mapping[str, tuple[HiddenSize, ...]]] = {
-    "hysteresis, commands 19 ms": (size_of("hysteresis"), _late(commands=0.019)),
-    "hysteresis, encoder 19 ms": (size_of("hysteresis"), _late(encoder=0.019)),
-    "hysteresis, dry friction, commands 10 ms, radius 2 %": (
-        size_of("hysteresis"), _rubs(0.3, 0.3, 0.1), _late(commands=0.01), WRONG_DIMENSIONS,
-    ),
-    "tube, dry friction": (size_of("tube_restriction"), size_of("coulomb_friction")),
-    "tube, falling friction": (size_of("tube_restriction"), size_of("stribeck_friction")),
-    "tube, hysteresis": (size_of("tube_restriction"), size_of("hysteresis")),
-    "dry friction, commands 15 ms": (size_of("coulomb_friction"), _late(commands=0.015)),
-    "falling friction 0.25 and 0.5 N m": (_rubs(0.25, 0.5, 0.1),),
-    "falling friction 0.4 and 0.8 N m, slow": (_rubs(0.4, 0.8, 0.05),),
-    "load, commands 15 ms": (size_of("payload"), _late(commands=0.015)),
-    "load, dry friction": (size_of("payload"), size_of("coulomb_friction")),
-    "dead zone, dry friction": (size_of("valve_dead_zone"), size_of("coulomb_friction")),
-}  # fmt: skip
-RIGS: Final[Mapping[str, tuple[HiddenSize, ...]]] = {
-    NOTHING: (),
-    **{effect: (size_of(effect),) for effect in KNOWN},
-    **DELAYS,
-    **COMBINED,
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,14 +83,6 @@ class SwingResult:
     def untold(self) -> bool:
         """Whether the joint swings at rest and this was not told in time."""
         return self.swings and not self.late <= TOLD_WITHIN
-
-
-def hidden(rough: RoughControl, rig: str) -> HiddenRig:
-    """A rig of `RIGS`."""
-    joint, muscles = rough.hidden(NOTHING)
-    for size in RIGS[rig]:
-        joint, muscles = size.applied(joint, muscles)
-    return joint, muscles
 
 
 def played(
@@ -235,7 +181,7 @@ def ordinary_motion(random: np.random.Generator, seconds: float) -> list[Traject
 def _swings(rough: RoughControl, rig: str) -> list[SwingResult]:
     results = []
     for motion, points in rough.motions.items():
-        truth, moves = hidden(rough, rig), points[-1].time_from_start
+        truth, moves = rough.hidden(rig), points[-1].time_from_start
         size, told_at, told = watch(rough.controller, truth, points, rough.seed)
         results.append(SwingResult(rig, motion, size, told_at, told_at - moves, told))
     return results
@@ -245,9 +191,9 @@ def _ordinary(rough: RoughControl, rig: str, seconds: float) -> list[SwingResult
     results, number = [], 0
     while seconds > 0.0:
         piece = min(seconds, LONGEST_PIECE)
-        random = np.random.default_rng([rough.seed, list(RIGS).index(rig), number])
+        random = np.random.default_rng([rough.seed, names().index(rig), number])
         points = ordinary_motion(random, max(piece, 5.0))
-        found = watch(rough.controller, hidden(rough, rig), points, rough.seed + number)
+        found = watch(rough.controller, rough.hidden(rig), points, rough.seed + number)
         moves = points[-1].time_from_start
         results.append(SwingResult(rig, f"piece {number}", *found[:2], found[1] - moves, found[2]))
         seconds, number = seconds - piece, number + 1
@@ -268,10 +214,7 @@ def run(given: Arguments) -> Outcome:
     PamError
         For a rig that is unknown or cannot be used.
     """
-    rigs = given.rigs or (list(RIGS) if not given.ordinary else [NOTHING, *KNOWN])
-    for name in rigs:
-        if name not in RIGS:
-            raise PamError(f"--rigs {name}: unknown; expected some of {', '.join(RIGS)}")
+    rigs = chosen_rigs("--rigs", given.rigs, [NOTHING, *KNOWN] if given.ordinary else names())
     settings = TOLD.replace(adaptation=not given.no_adaptation)
     rough = RoughControl(load_rig(chosen_rig(given)), settings, given.seed)
     results: list[SwingResult] = []

@@ -24,10 +24,10 @@ import numpy as np
 
 import pam_control
 import pam_model
-from pam_check.blind.effect_cases import KNOWN, size_of
-from pam_check.blind.hidden_size import CLEAN
+from pam_check.blind.effect_cases import KNOWN
 from pam_check.blind.truth_plant import TruthJoint
 from pam_check.control.closed_loop import TOLD, Muscles, PlayedRun, play, true_rig
+from pam_check.control.hidden_rigs import NOTHING, chosen_rigs, hidden_rig
 from pam_check.control.motions import MOTIONS
 from pam_check.control.tuned_pid import Motions, TunedPid, TuningBench, tune
 from pam_control.controller import Controller
@@ -39,7 +39,6 @@ from pam_model.common_options import chosen_rig
 from pam_model.errors import PamError
 from pam_model.rig import Rig, load_rig
 
-NOTHING: Final = "nothing"
 WORST_RATIO: Final = 1.1  # of the controller's error to that of the tuned PID
 MOST_CLIPPED: Final = 0.05  # of the arm's motion
 NO_HARM: Final = (1.05, 1e-4)
@@ -200,9 +199,8 @@ class RoughControl:
         }
 
     def hidden(self, effect: str) -> tuple[TruthJoint, Muscles]:
-        """The true rig with this effect, or with `NOTHING` hidden."""
-        size = CLEAN if effect == NOTHING else size_of(effect)
-        return size.applied(*self._true)
+        """The true rig with what is hidden in one of `hidden_rigs`."""
+        return hidden_rig(self._true, effect)
 
     def run(self, effect: str, baselines: Baselines | None, tries: int) -> list[RoughResult]:
         """Play all motions with a hidden effect."""
@@ -287,21 +285,6 @@ HEADER: Final = (
 UNADAPTED: Final = "  first and last time without adaptation"
 
 
-def chosen_effects(names: Sequence[str] | None) -> list[str]:
-    """The effects to hide, `NOTHING` first if none is named.
-
-    Raises
-    ------
-    PamError
-        For an unknown name.
-    """
-    known = [NOTHING, *KNOWN]
-    for name in names or ():
-        if name not in known:
-            raise PamError(f"--effects {name}: unknown; expected some of {', '.join(known)}")
-    return list(names) if names else known
-
-
 def _compared(ratios: Sequence[tuple[str, float]]) -> str:
     """How many effects are how good, by the larger one of the ratios of each."""
     worse: dict[str, float] = {}
@@ -337,7 +320,7 @@ def run(given: Arguments) -> Outcome:
     PamError
         For a rig, an effect or a file that cannot be used.
     """
-    effects = chosen_effects(given.effects)
+    effects = chosen_rigs("--effects", given.effects, [NOTHING, *KNOWN])
     settings = TOLD.replace(observer=given.observer, adaptation=not given.no_adaptation)
     rig = load_rig(chosen_rig(given))
     compares = given.compare_unadapted

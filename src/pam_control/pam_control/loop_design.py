@@ -160,13 +160,15 @@ class LoopDesign:
 
     def _found(self, models: JointModels, settings: ControlSettings) -> PidGains:
         """Designed gains; without an observer if none keeps the margins."""
-        task, name = self._task(models, settings), models.name
+        task, name, tasks = self._task(models, settings), models.name, []
         if self.law.has_observer and settings.feedforward:
             observed = dataclasses.replace(task, motion=settings.motion_observer)
             if settings.observer:
-                observed = dataclasses.replace(task, has_observer=True)
+                tasks += [dataclasses.replace(each, has_observer=True) for each in (observed, task)]
+            tasks.append(observed)
+        for each in tasks:
             with contextlib.suppress(ControlDesignError):
-                return self.designs.pid(name, observed)
+                return self.designs.pid(name, each)
         return self.designs.pid(name, task)
 
     def _check_observer(self, models: JointModels, settings: ControlSettings) -> None:
@@ -176,7 +178,7 @@ class LoopDesign:
                 continue
             near = settings.replace(stiffness_grid=(stiffness,)) if stiffness > 0.0 else settings
             task = self._task(models, near)
-            cost = ObserverCost(dataclasses.replace(task, has_observer=True))
+            cost = ObserverCost(dataclasses.replace(task, has_observer=True, motion=gains.motion))
             if not cost.stable(gains):
                 raise ControlDesignError(
                     f"{models.name}: a disturbance observer of {gains.observer:g} rad/s "

@@ -83,14 +83,9 @@ def _motion(point: OperatingPoint, loop: LoopStructure, timing: LoopTiming) -> A
     valve = control.series(delay, lag)
     valves = control.append(*[valve] * muscles)
     filtered = control.ss(control.tf([1.0], [max(timing.velocity_filter, 1e-6), 1.0]))
-    measured = control.append(
-        control.ss([], [], [], np.eye(1)), filtered, control.ss([], [], [], np.eye(muscles))
-    )
-    if timing.position_delay > 0.0:
-        late = _late(timing)
-        measured = control.series(
-            control.append(late, late, control.ss([], [], [], np.eye(muscles))), measured
-        )
+    pressures = control.append(*[_late(timing.pressure_delay)] * muscles)
+    position = _late(timing.position_delay)
+    measured = control.append(position, control.series(position, filtered), pressures)
     velocity = 1.0 if loop.measured_velocity else 0.0
     # ui = k gi w + k hi q + ci qd - k pi: positive feedback of these gains on (q, qd, pa, pb, ...).
     gains = np.hstack(
@@ -112,14 +107,14 @@ def _motion(point: OperatingPoint, loop: LoopStructure, timing: LoopTiming) -> A
 
 def _held_back(motion: Any, timing: LoopTiming) -> Any:
     """Position and acceleration as late as the position is measured."""
-    if timing.position_delay == 0.0:
-        return motion
-    late = _late(timing)
+    late = _late(timing.position_delay)
     return control.series(motion, control.append(late, late))
 
 
-def _late(timing: LoopTiming) -> Any:
-    return control.ss(control.tf(*control.pade(timing.position_delay, PADE_ORDER)))
+def _late(delay: float) -> Any:
+    if delay == 0.0:
+        return _gain([[1.0]])
+    return control.ss(control.tf(*control.pade(delay, PADE_ORDER)))
 
 
 def _gain(matrix: npt.ArrayLike) -> Any:

@@ -124,11 +124,12 @@ def unknown_loops(task: DesignTask, case: LoopCase, omega: Real) -> Loops:
     sooner = dataclasses.replace(
         task.timing, transport_delay=task.timing.transport_delay - task.unknown_delay
     )
+    late_pressures = dataclasses.replace(sooner, pressure_delay=task.unknown_delay)
     late, in_time = np.exp(-task.unknown_delay * s), np.ones_like(s)
     loops: Loops = []
     for true, timing, position, pressure in (
         (case.point, sooner, late, in_time),
-        (case.point, sooner, in_time, late),
+        (case.point, late_pressures, in_time, late),
         (case.point.heavier(UNKNOWN_INERTIA), task.timing, in_time, in_time),
     ):
         muscles = true.dynamic_stiffness(s) * pressure

@@ -5,8 +5,8 @@ variable:
 
     (J s^2 + B s + K) q = na pa + nb pb + ...
     s pi = H(s) ui - ci s q
-    ui = k (gi w + hi q - pi) + [ci s q/(Tf s + 1)]     (bracket: measured-velocity feedforward)
-    H(s) = exp(-T s)/(alpha tau s + 1)
+    ui = k (gi w + hi q - D pi) + [ci s q/(Tf s + 1)]   (bracket: measured-velocity feedforward)
+    H(s) = exp(-T s)/(alpha tau s + 1),  D(s) = exp(-Tp s) of late pressures
 
 ci is the pressure change per angle in a closed chamber, H the sampled, delayed and lead-compensated
 valve, gi the gain from the law's output to the pressures, and hi the gain from the measured
@@ -45,6 +45,7 @@ class LoopTiming:
     position_delay: float = 0.0
     valve_damping: float = 1.0  # zeta of regulators [-]
     pressure_lag: float = 0.0  # of the pressure sensors, which counts as a delay as well [s]
+    pressure_delay: float = 0.0  # of a measured pressure compared with a measured position [s]
 
     @property
     def delay(self) -> float:
@@ -116,7 +117,7 @@ def response_parts(
             drive = drive + n * follow * g
             continue
         feedforward = c * s / (timing.velocity_filter * s + 1.0) if loop.measured_velocity else 0.0
-        inner = s + k * H
+        inner = s + k * H * np.exp(-timing.pressure_delay * s)
         spring = spring - n * (H * (k * h + feedforward) * late - c * s) / inner
         drive = drive + n * H * k * g / inner
     return drive, spring, late

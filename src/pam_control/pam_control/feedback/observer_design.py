@@ -22,7 +22,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -32,10 +31,12 @@ from pam_control.feedback.gain_design import (
     UNKNOWN_INERTIA,
     WORSE_THAN_ANY,
     DesignTask,
+    stated_loop,
+    unknown_loops,
 )
 from pam_control.feedback.linear_joint import Complex, response_parts
 from pam_control.feedback.loop_shape import encloses_nothing, least_phase_margin
-from pam_control.feedback.margins import ControlDesignError
+from pam_control.feedback.margins import ControlDesignError, derivative_response
 from pam_control.feedback.pid import PidGains
 
 OMEGA = np.geomspace(0.05, 500.0, 200)  # rad/s
@@ -58,36 +59,30 @@ class ObserverCost:
     """
 
     def __init__(self, task: DesignTask) -> None:
-        timing, unknown = task.timing, task.unknown_delay
-        s = 1j * OMEGA
-        self._s = s
-        self._filter, self._lead = task.derivative_filter, task.lead
-        self._required = (task.phase_margin, task.sensitivity)
-        told = dataclasses.replace(timing, transport_delay=timing.transport_delay - unknown)
-        behind = np.exp(-unknown * s)
-        rows: list[tuple[Any, ...]] = []
-        stated: list[tuple[Any, ...]] = []
+        self._task = task
+        s = self._s = 1j * OMEGA
+        behind, in_time = np.exp(-task.unknown_delay * s), np.ones_like(s)
+        unit = task.gains(0.0, 0.0, 1.0)
+        rows: list[tuple[Complex, Complex, Complex, Complex]] = []
+        stated: list[tuple[Complex, Complex, Complex, Complex]] = []
         for case in task.cases:
             point = case.point
             heavy = point.heavier(UNKNOWN_INERTIA)
             model, more = point.dynamic_stiffness(s), heavy.inertia_beyond(point, s)
-            variants: tuple[tuple[Any, ...], ...] = (
-                (point, timing, 1.0, 1.0, 0.0),
-                (point, told, behind, 1.0, 0.0),
-                (point, timing, 1.0, behind, 0.0),
-                (heavy, timing, 1.0, 1.0, more),
-            )
-            for true, loop_timing, late_q, late_p, changed in variants:
-                drive, spring, late = response_parts(true, case.loop, loop_timing, OMEGA)
-                seen_q, seen_p = late * late_q, late * late_p
-                mismatch = (model + changed) * seen_p - model * seen_q
-                rows.append((drive / spring, seen_q, mismatch))
-            drive, spring, late = response_parts(point, case.loop, timing, OMEGA)
-            stated.append((drive, spring, late))
-        self._plant, self._seen, self._mismatch = (
+            loops = [*stated_loop(task, case, OMEGA), *unknown_loops(task, case, OMEGA)]
+            seen = ((in_time, 0.0), (in_time, 0.0), (behind, 0.0), (in_time, more))
+            for (plant, position, derivative), (late_p, changed) in zip(loops, seen, strict=True):
+                mismatch = (model + changed) * late_p - model * position
+                rows.append((plant, position, derivative, mismatch))
+            drive, spring, late = response_parts(point, case.loop, task.timing, OMEGA)
+            # an outside torque is no acceleration by the muscles
+            unseen = np.full(s.shape, -point.accelerations(1.0)[0], dtype=np.complex128)
+            pushed = derivative_response(unit, task.timing, OMEGA, 0.0, unseen)
+            stated.append((drive * late, spring, loops[0][2], pushed))
+        self._plant, self._position, self._derivative, self._mismatch = (
             np.array(part) for part in zip(*rows, strict=True)
         )
-        self._drive, self._spring, self._late = (
+        self._drive, self._spring, self._led, self._pushed = (
             np.array(part) for part in zip(*stated, strict=True)
         )
         self._scale = float(np.median(np.abs(self._spring[:, 0])))
@@ -99,7 +94,8 @@ class ObserverCost:
         """The gains at a point of the search, which is given as three exponents of ten."""
         p, d, observer = (10.0 ** float(exponent) for exponent in exponents)
         kp, kd = self._scale * p, self._scale * d
-        return PidGains(kp, kp / INTEGRAL_TIME, kd, self._filter, observer, self._lead)
+        gains = self._task.gains(kp, kp / INTEGRAL_TIME, kd)
+        return dataclasses.replace(gains, observer=observer)
 
     def __call__(self, exponents: Real) -> float:
         """Cost at a point of the search."""
@@ -110,21 +106,20 @@ class ObserverCost:
         excess, stable = self._excess(gains)
         if not stable:
             return WORSE_THAN_ANY + excess
-        pid, observed = self._pid(gains), self._observer(gains)
         band = self._in_band
-        drive, late = self._drive[:, band], self._late[:, band]
-        left = 1.0 - drive * observed[band] * late
-        error = np.abs(left / (self._spring[:, band] + drive * late * pid[band]))
+        drive, observed = self._drive[:, band], self._observer(gains)[band]
+        fed = self._undelayed(gains)[band] + gains.derivative * self._led[:, band]
+        left = 1.0 - drive * (observed + gains.derivative * self._pushed[:, band])
+        error = np.abs(left / (self._spring[:, band] + drive * fed))
         return self._scale * math.sqrt(float((error**2).mean(axis=1).max())) + 1e3 * excess
 
     def stable(self, gains: PidGains) -> bool:
         """Whether all loops are stable."""
         return self._excess(gains)[1]
 
-    def _pid(self, gains: PidGains) -> Complex:
-        slope = self._s / (gains.derivative_filter * self._s + 1.0)
-        led = gains.derivative * slope * (1.0 + gains.lead * slope)
-        result: Complex = np.asarray(gains.proportional + gains.integral / self._s + led)
+    def _undelayed(self, gains: PidGains) -> Complex:
+        """The proportional and the integral part."""
+        result: Complex = np.asarray(gains.proportional + gains.integral / self._s)
         return result
 
     def _observer(self, gains: PidGains) -> Complex:
@@ -135,11 +130,13 @@ class ObserverCost:
     def _excess(self, gains: PidGains) -> tuple[float, bool]:
         """By how much the constraints are violated, and whether all loops are stable."""
         opened = self._plant * (
-            self._pid(gains) * self._seen - self._observer(gains) * self._mismatch
+            self._undelayed(gains) * self._position
+            + gains.derivative * self._derivative
+            - self._observer(gains) * self._mismatch
         )
         excess = 0.0
         for rows, margin, sensitivity in (
-            (slice(0, None, 4), *self._required),
+            (slice(0, None, 4), self._task.phase_margin, self._task.sensitivity),
             *((slice(n, None, 4), UNKNOWN_PHASE_MARGIN, UNKNOWN_SENSITIVITY) for n in (1, 2, 3)),
         ):
             part = opened[rows]
