@@ -191,19 +191,20 @@ def play(
     joint: SecondJoint, muscles: tuple[SecondMuscle, SecondMuscle], y: Array, step: float,
     loop: Array, references: tuple[Array, Array, Array], fixed: bool, sensing: Array,
     late: Array, supply: Array, noise: Array, commands: Array, sensed: Array, truth: Array,
+    stuck: Array, sums: Array, begin: int, end: int,
 ) -> int:  # fmt: skip
-    """Run all samples; return how many until the joint diverged.
+    """Run the samples from `begin` to before `end`; return where the joint diverged, or `end`.
 
-    `sensing` has a row for each pressure (gain, bias, time of the filter, bend), and one for the
-    position (offset, delay, oval ring, not used); `late` has the delays of both commands [s].
+    `stuck` and `sums` are kept between two calls, as the states `y` are. `sensing` has a row for
+    each pressure (gain, bias, time of the filter, bend), and one for the position (offset, delay,
+    oval ring, not used); `late` has the delays of both commands [s].
     """
-    n, dt = supply.size, loop[0]
+    dt = loop[0]
     steps = max(1, math.ceil(dt / step - 1e-9))
     h = dt / steps
-    work, stuck, sums = np.zeros((5, STATES)), np.zeros(len(SHARES)), np.zeros(2)
-    seen = np.zeros(3)
+    work, seen = np.zeros((5, STATES)), np.zeros(3)
     offset, delay, ring = sensing[2, 0], sensing[2, 1], sensing[2, 2]
-    for k in range(n):
+    for k in range(begin, end):
         truth[k, 2] = y[Q]
         for i in range(2):
             at = OF_JOINT + i * OF_MUSCLE
@@ -240,7 +241,7 @@ def play(
         farthest = FARTHEST * max(joint.upper_limit, -joint.lower_limit)
         if not abs(y[Q]) < farthest:
             return k
-    return n
+    return end
 
 
 def slow_errors(sensors: Sensors, dt: float, n: int, random: np.random.Generator) -> Array:
@@ -280,6 +281,122 @@ def supply_share(supply: SupplyWander | None, time: Array) -> Array:
     return np.asarray(1.0 + supply.wander * wave + 1.5 * supply.ripple * strokes)
 
 
+class SecondPlant:
+    """A rig at rest at position 0 with its sensors, which runs for some samples at a time.
+
+    Parameters
+    ----------
+    joint, muscles : TruthJoint, (TruthMuscle, TruthMuscle)
+        Agonist first.
+    sensors : Sensors
+        Noise and quantisation of what is seen.
+    generator : numpy.random.Generator
+        Source of the noise.
+    period : float
+        Time between two samples [s]; commands are held meanwhile.
+    count : int
+        Number of samples that can be run.
+    pressures : tuple of float
+        Gauge pressures of the muscles at first [Pa].
+    supply : ndarray
+        Pressure of the supply in each sample over that of the rig, shape (count,) [-].
+    step : float, optional
+        Longest step of the integration [s]; a quarter of it with tubes.
+
+    Attributes
+    ----------
+    commands : ndarray
+        Of both valves in each sample, shape (count, 2).
+    loop : ndarray
+        Period [s], gains of the pressure loops (proportional, integral) and of the angle, and steps
+        of command, pressure and position. Without gains, the commands are those given.
+    references : tuple of ndarray or None
+        Level and difference of the pressures [Pa], and position [rad], for the loops; None: the
+        commands are given.
+    sensed, truth : ndarray
+        As of `running_truth.RunningTruth`.
+    samples : int
+        Number of samples that have been run.
+    """
+
+    def __init__(
+        self,
+        joint: TruthJoint,
+        muscles: tuple[TruthMuscle, TruthMuscle],
+        sensors: Sensors,
+        generator: np.random.Generator,
+        *,
+        period: float,
+        count: int,
+        pressures: tuple[float, float],
+        supply: Array,
+        step: float = STEP,
+    ) -> None:
+        self._step, self._share = step, supply
+        self._noise = generator.standard_normal((count, 5)) * np.array(
+            [sensors.pressure_noise] * 2 + [sensors.position_noise] + [sensors.force_noise] * 2
+        )
+        if sensors.pressure_colour > 0.0 or sensors.pressure_drift > 0.0:
+            self._noise += slow_errors(sensors, period, count, generator)
+        steps = [sensors.command_step, sensors.pressure_step, sensors.position_step]
+        self.loop = np.array([period, 0.0, 0.0, 0.0, *steps])
+        self.references: tuple[Array, Array, Array] | None = None
+        self.commands = np.zeros((count, 2))
+        self.sensed, self.truth = np.zeros((count, 5)), np.zeros((count, 3))
+        self.samples = 0
+        self.becomes(joint, muscles)
+        inside, pair = joint_of(joint), (muscle_of(muscles[0]), muscle_of(muscles[1]))
+        self._states = at_rest(inside, pair, pressures)
+        self._stuck, self._sums = np.zeros(len(SHARES)), np.zeros(2)
+
+    def becomes(self, joint: TruthJoint, muscles: tuple[TruthMuscle, TruthMuscle]) -> None:
+        """Change the rig while it runs, as when a payload is put on; its state is kept."""
+        self._joint = SecondJoint(*map(float, joint_of(joint)))
+        first, second = map(muscle_of, muscles)
+        self._muscles = SecondMuscle(*map(float, first)), SecondMuscle(*map(float, second))
+        self._supply = joint.supply_pressure * self._share
+        self._late = np.array([float(m.command_delay) for m in muscles])
+        self._sensing = np.array([
+            *([m.pressure_gain, m.pressure_bias, m.pressure_lag, m.pressure_curvature]
+              for m in muscles),
+            [joint.position_offset, joint.position_delay, joint.encoder_eccentricity, 0.0],
+        ])  # fmt: skip
+
+    def run(self, end: int) -> None:
+        """Run the samples to before `end`.
+
+        Raises
+        ------
+        FloatingPointError
+            When the rig cannot run, because the joint diverges.
+        """
+        tubes = any(m.tube_length > 0.0 for m in self._muscles)
+        none = np.zeros(0)
+        done: int = play(
+            self._joint,
+            self._muscles,
+            self._states,
+            self._step * (TUBE_STEP / STEP if tubes else 1.0),
+            self.loop,
+            self.references or (none, none, none),
+            self.references is None,
+            self._sensing,
+            self._late,
+            self._supply,
+            self._noise,
+            self.commands,
+            self.sensed,
+            self.truth,
+            self._stuck,
+            self._sums,
+            self.samples,
+            end,
+        )
+        if done < end:
+            raise FloatingPointError(f"the drawn rig diverges at {done * self.loop[0]:.2f} s")
+        self.samples = end
+
+
 def run_second(
     joint: TruthJoint,
     muscles: tuple[TruthMuscle, TruthMuscle],
@@ -307,40 +424,25 @@ def run_second(
     """
     n, dt = excitation.level.size, excitation.sample_time
     time = np.arange(n, dtype=np.float64) * dt
-    noise = generator.standard_normal((n, 5)) * np.array(
-        [sensors.pressure_noise] * 2 + [sensors.position_noise] + [sensors.force_noise] * 2
-    )
-    if sensors.pressure_colour > 0.0 or sensors.pressure_drift > 0.0:
-        noise += slow_errors(sensors, dt, n, generator)
-    inside, pair = joint_of(joint), (muscle_of(muscles[0]), muscle_of(muscles[1]))
     level, difference = float(excitation.level[0]), float(excitation.difference[0])
-    commands = np.zeros((n, 2)) if fixed_commands is None else np.array(fixed_commands, dtype=float)
-    sensed, truth = np.zeros((n, 5)), np.zeros((n, 3))
-    done: int = play(
-        SecondJoint(*map(float, inside)),
-        (SecondMuscle(*map(float, pair[0])), SecondMuscle(*map(float, pair[1]))),
-        at_rest(inside, pair, (level + difference, level - difference)),
-        step * (TUBE_STEP / STEP if any(m.tube_length > 0.0 for m in pair) else 1.0),
-        np.array([
-            dt, excitation.proportional, excitation.integral, excitation.position_gain,
-            sensors.command_step, sensors.pressure_step, sensors.position_step,
-        ]),
-        (excitation.level, excitation.difference, excitation.reference_position),
-        fixed_commands is not None,
-        np.array([
-            *([m.pressure_gain, m.pressure_bias, m.pressure_lag, m.pressure_curvature]
-              for m in muscles),
-            [joint.position_offset, joint.position_delay, joint.encoder_eccentricity, 0.0],
-        ]),
-        np.array([float(m.command_delay) for m in muscles]),
-        joint.supply_pressure * supply_share(supply, time),
-        noise,
-        commands,
-        sensed,
-        truth,
-    )  # fmt: skip
-    if done < n:
-        raise FloatingPointError(f"the drawn rig diverges at {done * dt:.2f} s")
+    plant = SecondPlant(
+        joint,
+        muscles,
+        sensors,
+        generator,
+        period=dt,
+        count=n,
+        pressures=(level + difference, level - difference),
+        supply=supply_share(supply, time),
+        step=step,
+    )
+    if fixed_commands is None:
+        plant.loop[1:4] = excitation.proportional, excitation.integral, excitation.position_gain
+        plant.references = excitation.level, excitation.difference, excitation.reference_position
+    else:
+        plant.commands[:] = fixed_commands
+    plant.run(n)
+    commands, sensed, truth = plant.commands, plant.sensed, plant.truth
     return TruthRecording(
         time=time,
         commands=commands,

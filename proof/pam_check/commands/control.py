@@ -37,6 +37,13 @@ def _declare_rough_control(parser: Parser) -> None:
         'effects, or "nothing" (default: nothing, then each effect)',
     )
     parser.add_argument(
+        "--plant",
+        choices=("first", "second"),
+        default="first",
+        help="independent plant that has the rigs; the laws of the second one are of other "
+        "literature (default: %(default)s)",
+    )
+    parser.add_argument(
         "--observer", action="store_true", help="let the controller use its disturbance observer"
     )
     parser.add_argument(

@@ -13,8 +13,9 @@ from typing import Final
 
 import numpy as np
 
+from pam_check.blind.plants import FIRST
 from pam_check.blind.truth_plant import Sensors, TruthJoint, TruthMuscle
-from pam_check.control.running_truth import RunningTruth
+from pam_check.control.running_truth import RUNNING
 from pam_control.control_step import Measurement
 from pam_control.controller import Controller
 from pam_control.references.trajectory import TrajectoryPoint
@@ -146,16 +147,18 @@ def play(
     points: Sequence[TrajectoryPoint],
     seed: int,
     goes_to: float | None = MOTIONS_BEGIN_AT,
+    plant_name: str = FIRST,
 ) -> tuple[PlayedRun, RunTrace]:
     """Hold, go to where motions begin, follow one, hold; return the figures and what happened.
 
     The joint goes to the beginning because an encoder with a wrong zero shows another angle at
     first: without it, the motion would begin with a jump that no effect of the rig explains. A
     motion that is learnt by repetitions has to be the only one under its name (`goes_to` None).
+    `plant_name` is one of `RUNNING`.
     """
     motion = points[-1].time_from_start
     count = round((SETTLED + motion + RESTS) / PERIOD)
-    plant = RunningTruth(
+    plant = RUNNING[plant_name](
         joint,
         muscles,
         Sensors(),

@@ -25,6 +25,7 @@ import numpy as np
 import pam_control
 import pam_model
 from pam_check.blind.effect_cases import KNOWN
+from pam_check.blind.plants import FIRST
 from pam_check.blind.truth_plant import TruthJoint
 from pam_check.control.closed_loop import TOLD, Muscles, PlayedRun, play, true_rig
 from pam_check.control.hidden_rigs import NOTHING, chosen_rigs, hidden_rig
@@ -170,6 +171,8 @@ class RoughControl:
         How often the controller plays each motion; it keeps what it learns meanwhile.
     compares : bool, optional
         Whether the controller without adaptation plays each motion as well.
+    plant : str, optional
+        Which has the true rigs.
 
     Attributes
     ----------
@@ -185,8 +188,9 @@ class RoughControl:
         pressure_loops: bool = False,
         plays: int = 1,
         compares: bool = False,
+        plant: str = FIRST,
     ) -> None:
-        self._plays = plays
+        self._plays, self._plant = plays, plant
         self.rig, self.seed, self._pressure_loops = rig, seed, pressure_loops
         self.designs = KeptDesigns(user_cache_folder())
         self._true = true_rig(rig)
@@ -210,14 +214,28 @@ class RoughControl:
             start = time.process_time()
             self.controller.forget_adaptation()
             played = [
-                play(self.controller, joint, muscles, points, self.seed + index)[0]
+                play(
+                    self.controller,
+                    joint,
+                    muscles,
+                    points,
+                    self.seed + index,
+                    plant_name=self._plant,
+                )[0]
                 for index in range(self._plays)
             ]
             seconds = (time.process_time() - start) / self._plays
             plain: tuple[PlayedRun, ...] = ()
             if self._unadapted is not None:
                 plain = tuple(
-                    play(self._unadapted, joint, muscles, points, self.seed + index)[0]
+                    play(
+                        self._unadapted,
+                        joint,
+                        muscles,
+                        points,
+                        self.seed + index,
+                        plant_name=self._plant,
+                    )[0]
                     for index in (0, self._plays - 1)
                 )
             results.append(RoughResult(effect, name, played[-1], played[0], None, seconds, plain))
@@ -231,13 +249,15 @@ class RoughControl:
         self, joint: TruthJoint, muscles: Muscles, baselines: Baselines, tries: int
     ) -> tuple[TuningBench, TunedPid]:
         """A true rig with the PID that was tuned on it, in these motions."""
-        bench = TuningBench(self.rig, joint, muscles, self.motions, self.seed, self.designs)
+        bench = TuningBench(
+            self.rig, joint, muscles, self.motions, self.seed, self.designs, self._plant
+        )
         key = self._key(joint, muscles, tries)
         return bench, baselines.get(key, lambda: tune(bench, tries, self._pressure_loops))
 
     def _key(self, joint: TruthJoint, muscles: Muscles, tries: int) -> str:
         parts = [self.rig.to_parameters(), joint, muscles, self.motions, self.seed, tries]
-        parts += [self._pressure_loops, code_version()]
+        parts += [self._pressure_loops, self._plant, code_version()]
         return hashlib.sha256(repr(parts).encode()).hexdigest()[:24]
 
 
@@ -247,7 +267,14 @@ def code_version() -> str:
     here = Path(__file__)
     blind = (
         here.parents[1] / "blind" / f"{n}.py"
-        for n in ("truth_plant", "effect_cases", "hidden_size")
+        for n in (
+            "truth_plant",
+            "second_plant",
+            "second_motion",
+            "second_laws",
+            "effect_cases",
+            "hidden_size",
+        )
     )
     files = [*here.parent.glob("*.py"), *blind]
     for package in (pam_control, pam_model):
@@ -325,7 +352,7 @@ def run(given: Arguments) -> Outcome:
     rig = load_rig(chosen_rig(given))
     compares = given.compare_unadapted
     rough = RoughControl(
-        rig, settings, given.seed, given.tune_pressure_loops, given.plays, compares
+        rig, settings, given.seed, given.tune_pressure_loops, given.plays, compares, given.plant
     )
     baselines = Baselines(given.tuned) if given.tries else None
     results: list[RoughResult] = []

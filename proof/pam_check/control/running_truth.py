@@ -1,9 +1,14 @@
-"""The plant of the blind check, run sample by sample with commands from outside."""
+"""The plants of the blind check, run sample by sample with commands from outside."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Final
+
 import numpy as np
 
+from pam_check.blind.plants import FIRST
+from pam_check.blind.second_plant import SecondPlant
 from pam_check.blind.truth_plant import (
     Array,
     Sensors,
@@ -109,3 +114,57 @@ class RunningTruth:
         self.samples = end
         shown: Array = self.sensed[k]
         return shown
+
+
+class RunningSecond:
+    """The same rig as the second plant has it, by other laws; the arguments are the same."""
+
+    def __init__(
+        self,
+        joint: TruthJoint,
+        muscles: tuple[TruthMuscle, TruthMuscle],
+        sensors: Sensors,
+        generator: np.random.Generator,
+        *,
+        period: float,
+        count: int,
+        pressure: float,
+        supply: Array | None = None,
+    ) -> None:
+        self._plant = SecondPlant(
+            joint,
+            muscles,
+            sensors,
+            generator,
+            period=period,
+            count=count,
+            pressures=(pressure, pressure),
+            supply=np.ones(count) if supply is None else supply,
+        )
+        self._command_step = sensors.command_step
+        self.becomes = self._plant.becomes
+        self.commands, self.sensed, self.truth = (
+            self._plant.commands, self._plant.sensed, self._plant.truth
+        )  # fmt: skip
+
+    def advance(self, commands: tuple[float, float]) -> Array:
+        """Read the sensors, then hold these commands for a period; return what they showed.
+
+        Raises
+        ------
+        FloatingPointError
+            When the rig diverges.
+        """
+        k = self._plant.samples
+        for side, command in enumerate(commands):
+            self.commands[k, side] = round(command / self._command_step) * self._command_step
+        self._plant.run(k + 1)
+        shown: Array = self.sensed[k]
+        return shown
+
+
+RUNNING: Final[Mapping[str, type[RunningTruth | RunningSecond]]] = {
+    FIRST: RunningTruth,
+    "second": RunningSecond,
+}
+"""By the names of `plants.PLANTS`."""

@@ -27,6 +27,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from pam_check.blind.plants import FIRST
 from pam_check.blind.truth_plant import TruthJoint
 from pam_check.control.closed_loop import (
     LIMIT_CYCLE,
@@ -107,6 +108,8 @@ class TuningBench:
         Of the sensors' noise.
     designs : KeptDesigns
         Store of the gains to begin with.
+    plant : str, optional
+        Which has the true rig.
     """
 
     def __init__(
@@ -117,8 +120,9 @@ class TuningBench:
         motions: Motions,
         seed: int,
         designs: KeptDesigns,
+        plant: str = FIRST,
     ) -> None:
-        self._true = joint, muscles
+        self._true, self._plant = (joint, muscles), plant
         self._motions, self._seed = motions, seed
         self._name = rig.joints[0].name
         self._controller = Controller(rig, TOLD, designs, LAW)
@@ -143,7 +147,7 @@ class TuningBench:
         self.tried += 1
         joint, muscles = self._true
         return {
-            name: play(self._controller, joint, muscles, points, self._seed)
+            name: play(self._controller, joint, muscles, points, self._seed, plant_name=self._plant)
             for name, points in self._motions.items()
         }
 
