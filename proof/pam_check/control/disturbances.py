@@ -129,17 +129,21 @@ def yielding(rough: RoughControl, controller: Controller, seed: int) -> Yielding
         errors = _errors(rough, controller, SWINGS_FOR, seed, _swinging(hertz))
         compliance.append(amplitude(errors[errors.size // 2 :], hertz) / SWING)
     loaded = np.abs(_errors(rough, controller, 2.0 * LEFT_AFTER, seed, lambda _: LOAD))
-    sag = []
-    for points in rough.motions.values():
-        duration, (share, lasts) = points[-1].time_from_start, SAGS
-        times = PERIOD * np.arange(round((SETTLED + duration) / PERIOD))
-        sagged = np.clip((times - SETTLED - share * duration) / lasts, 0.0, 1.0)
-        supply = 1.0 - sagged * SAG / rough.rig.supply_pressure
-        errors = _errors(rough, controller, duration, seed, None, points, supply)
-        after = errors[round(share * duration / PERIOD) :]
-        sag.append(float(np.sqrt(np.mean(after**2))))
+    sag = [sagging(rough, controller, motion, seed) for motion in rough.motions]
     left = float(loaded[round(LEFT_AFTER / PERIOD) :].max())
     return Yielding(tuple(compliance), float(loaded.max()), left, tuple(sag))
+
+
+def sagging(rough: RoughControl, controller: Controller, motion: str, seed: int) -> float:
+    """RMS error of a motion from the sag of the supply on [rad]."""
+    points = rough.motions[motion]
+    duration, (share, lasts) = points[-1].time_from_start, SAGS
+    times = PERIOD * np.arange(round((SETTLED + duration) / PERIOD))
+    sagged = np.clip((times - SETTLED - share * duration) / lasts, 0.0, 1.0)
+    supply = 1.0 - sagged * SAG / rough.rig.supply_pressure
+    errors = _errors(rough, controller, duration, seed, None, points, supply)
+    after = errors[round(share * duration / PERIOD) :]
+    return float(np.sqrt(np.mean(after**2)))
 
 
 def muscles_alone(controller: Controller) -> Yielding:

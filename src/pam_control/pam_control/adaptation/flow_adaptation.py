@@ -34,9 +34,11 @@ import math
 from typing import Any, Final
 
 from pam_control.adaptation.recursive_fit import RecursiveFit, Suspect
+from pam_control.adaptation.supply_watch import SupplyWatch, flow_slope
 from pam_control.adaptation.tube_search import TubeSearch
 from pam_control.limited import limited
 from pam_control.rows.loop_rows import (
+    N_CRITICAL,
     N_FULL,
     N_PER_PRESSURE,
     N_PER_SQUARE,
@@ -62,6 +64,7 @@ FILTER: Final = 0.06  # s
 EVERY: Final = 0.02  # s between two updates of the fit
 NOISE: Final = 0.01  # of the full flow
 TRIFLE: Final = 0.003  # of the full flow; less is left to the pressure loop
+LEAST_FILLING: Final = 0.05  # of the full flow, for what it shows of the supply
 LEAST_WORK: Final = 0.004  # of the full flow; a valve that is nearly shut tells nothing
 DEVIATIONS: Final = (0.3, 0.3, 0.05, 0.5, 0.05, 3.0, 0.05, 0.3, 0.02)  # the last one in s
 LOWEST: Final = (-0.5, -0.5, -0.08, -1.0, -0.1, 0.0, 0.0, -0.5, -math.inf)
@@ -208,6 +211,8 @@ class FlowAdaptation:
         valves do not compute theirs in one control cycle [-].
     tube : float, optional
         Squared conductance of the valve over that of the tube that the rig file names [-].
+    watch : SupplyWatch, optional
+        Of the supply, which all valves of a robot share.
 
     Attributes
     ----------
@@ -215,8 +220,18 @@ class FlowAdaptation:
         Whether the sensor is before a tube.
     """
 
-    def __init__(self, n: Any, v: Any, supply: float, turn: float = 0.0, tube: float = 0.0) -> None:
+    def __init__(
+        self,
+        n: Any,
+        v: Any,
+        supply: float,
+        turn: float = 0.0,
+        tube: float = 0.0,
+        watch: SupplyWatch | None = None,
+    ) -> None:
         self._full, self._turn, self._v = float(n[N_FULL]), turn, v
+        self._supply, self._critical = supply, float(n[N_CRITICAL])
+        self._watch = SupplyWatch() if watch is None else watch
         self._fit = RecursiveFit(DEVIATIONS, NOISE, TRIFLE, LATE, LEAK)
         self.tube = TubeSearch(self._full, supply, tube)
         n[N_PER_PRESSURE], n[N_PER_SQUARE] = self._full / supply, self.tube.per_square
@@ -225,6 +240,7 @@ class FlowAdaptation:
 
     def forget(self) -> None:
         """Nothing is known."""
+        self._watch.forget()
         self.tube.forget()
         self._v[V_TUBE] = self.tube.share
         self.forget_flows()
@@ -264,6 +280,18 @@ class FlowAdaptation:
         opened = float(self._v[V_WEIGHTS + OPENED])
         return opened, QUANTILE * self._fit.deviation(OPENED)
 
+    def _sagging(
+        self, functions: list[float], beyond: float, pressure: float, since: float
+    ) -> float:
+        """What a sag of the supply that is not used yet takes of the flow, of the full one [-]."""
+        weights, watch = self.weights, self._watch
+        supply = self._supply * (1.0 + watch.acts)
+        share = max(1.0 + weights[0], LEAST_SHARE)
+        slope = functions[0] * share * flow_slope(pressure / supply, self._critical)
+        missing = beyond - math.sumprod(weights, functions)
+        watch.learn(missing, slope, lambda: self._fit.variance(functions), since)
+        return slope * watch.rest
+
     def update(self) -> None:
         """Learn from the filtered samples; due when `V_SINCE` has reached `EVERY`."""
         v = self._v
@@ -281,6 +309,9 @@ class FlowAdaptation:
             seen = per_rate * (float(v[V_TRUE]) - slow) / FILTER + moved
             late = (up + down - float(v[V_LATE])) / FILTER
             functions = [each / self._full for each in (*smooth[3:], late)]
-            self._fit.update(functions, (seen - up - down) / self._full, since)
+            beyond = (seen - up - down) / self._full
+            if up > LEAST_FILLING * self._full:
+                beyond -= self._sagging(functions, beyond, smooth[1], since)
+            self._fit.update(functions, beyond, since)
             self._bound()
         v[V_SINCE] = 0.0

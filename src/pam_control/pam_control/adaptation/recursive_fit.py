@@ -30,6 +30,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
+import numpy.typing as npt
 
 from pam_control.adaptation.forgetting_fit import ForgettingFit
 from pam_control.adaptation.normal_equations import (
@@ -170,7 +171,17 @@ class RecursiveFit(ForgettingFit):
 
     def deviation(self, index: int) -> float:
         """Standard deviation of one weight, in its unit."""
+        alone = np.zeros(len(self._deviations))
+        alone[index] = 1.0
+        return math.sqrt(self._doubt(alone))
+
+    def variance(self, functions: Sequence[float]) -> float:
+        """Variance of the value that the fit predicts for functions, with the noise of a sample."""
+        return self._doubt(np.array(functions)) + self._noise**2 * float(self._state[SIZE])
+
+    def _doubt(self, functions: npt.NDArray[np.float64]) -> float:
+        """Variance of the weighted sum of functions."""
         sums, size = np.array(self._sums), self._state[SIZE]
         regular = np.array(self._products) + np.diag(size * sums[DOUBT] * sums[PENALTY])
-        inverse = np.linalg.inv(regular)
-        return self._noise * math.sqrt(size * max(float(inverse[index, index]), 0.0))
+        spread = float(functions @ np.linalg.solve(regular, functions))
+        return float(self._noise**2 * size * max(spread, 0.0))
