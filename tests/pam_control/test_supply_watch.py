@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pam_control.adaptation.recursive_fit import RecursiveFit
-from pam_control.adaptation.supply_watch import LARGEST_SLOPE, SupplyWatch, flow_slope
+from pam_control.adaptation.supply_watch import LARGEST_SLOPE, N_SAG, P_ACTS, flow_slope, learn_sag
 from pam_model.gas import reference_flow
 
 SINCE = 0.02
@@ -27,12 +27,12 @@ def test_the_slope_is_that_of_the_flow_by_iso_6358(ratio):
     assert flow_slope(ratio, critical) == pytest.approx(min(slope, LARGEST_SLOPE), rel=1e-4)
 
 
-def watched(sags, slope=0.4, variance=NOISE**2, watch=None):
+def watched(sags, slope=0.4, variance=NOISE**2, row=None):
     """The sag that acts after each sample of a valve whose flow the true sags take away."""
-    watch, acts = watch or SupplyWatch(), []
+    row, acts = row or [0.0] * N_SAG, []
     for sag in sags:
-        watch.learn(slope * (sag - watch.acts), slope, lambda: variance, SINCE)
-        acts.append(watch.acts)
+        learn_sag(row, slope * (sag - row[P_ACTS]), slope, variance, SINCE)
+        acts.append(row[P_ACTS])
     return np.array(acts)
 
 
@@ -59,9 +59,9 @@ def test_more_than_was_promised_is_no_sag():
 
 
 def test_another_valve_knows_of_it_at_once():
-    watch = SupplyWatch()
-    watched([0.0] * 20 + [-0.25] * 60, watch=watch)
-    assert watched([-0.25], slope=0.2, watch=watch)[0] < -0.2
+    row = [0.0] * N_SAG
+    watched([0.0] * 20 + [-0.25] * 60, row=row)
+    assert watched([-0.25], slope=0.2, row=row)[0] < -0.2
 
 
 def test_the_fit_states_how_well_it_promises_a_flow():

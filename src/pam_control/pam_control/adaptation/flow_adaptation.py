@@ -34,7 +34,14 @@ import math
 from typing import Any, Final
 
 from pam_control.adaptation.recursive_fit import RecursiveFit, Suspect
-from pam_control.adaptation.supply_watch import SupplyWatch, flow_slope
+from pam_control.adaptation.supply_watch import (
+    N_SAG,
+    P_ACTS,
+    P_FOUND,
+    flow_slope,
+    forget_sag,
+    learn_sag,
+)
 from pam_control.adaptation.tube_search import TubeSearch
 from pam_control.limited import limited
 from pam_control.rows.loop_rows import (
@@ -211,8 +218,8 @@ class FlowAdaptation:
         valves do not compute theirs in one control cycle [-].
     tube : float, optional
         Squared conductance of the valve over that of the tube that the rig file names [-].
-    watch : SupplyWatch, optional
-        Of the supply, which all valves of a robot share.
+    sag : row, optional
+        Of the supply, which all valves of a robot share (`supply_watch`).
 
     Attributes
     ----------
@@ -227,11 +234,11 @@ class FlowAdaptation:
         supply: float,
         turn: float = 0.0,
         tube: float = 0.0,
-        watch: SupplyWatch | None = None,
+        sag: Any = None,
     ) -> None:
         self._full, self._turn, self._v = float(n[N_FULL]), turn, v
         self._supply, self._critical = supply, float(n[N_CRITICAL])
-        self._watch = SupplyWatch() if watch is None else watch
+        self._sag = [0.0] * N_SAG if sag is None else sag
         self._fit = RecursiveFit(DEVIATIONS, NOISE, TRIFLE, LATE, LEAK)
         self.tube = TubeSearch(self._full, supply, tube)
         n[N_PER_PRESSURE], n[N_PER_SQUARE] = self._full / supply, self.tube.per_square
@@ -240,7 +247,7 @@ class FlowAdaptation:
 
     def forget(self) -> None:
         """Nothing is known."""
-        self._watch.forget()
+        forget_sag(self._sag)
         self.tube.forget()
         self._v[V_TUBE] = self.tube.share
         self.forget_flows()
@@ -284,13 +291,13 @@ class FlowAdaptation:
         self, functions: list[float], beyond: float, pressure: float, since: float
     ) -> float:
         """What a sag of the supply that is not used yet takes of the flow, of the full one [-]."""
-        weights, watch = self.weights, self._watch
-        supply = self._supply * (1.0 + watch.acts)
+        weights, p = self.weights, self._sag
+        supply = self._supply * (1.0 + p[P_ACTS])
         share = max(1.0 + weights[0], LEAST_SHARE)
         slope = functions[0] * share * flow_slope(pressure / supply, self._critical)
         missing = beyond - math.sumprod(weights, functions)
-        watch.learn(missing, slope, lambda: self._fit.variance(functions), since)
-        return slope * watch.rest
+        learn_sag(p, missing, slope, self._fit.variance(functions), since)
+        return float(slope * (p[P_FOUND] - p[P_ACTS]))
 
     def update(self) -> None:
         """Learn from the filtered samples; due when `V_SINCE` has reached `EVERY`."""

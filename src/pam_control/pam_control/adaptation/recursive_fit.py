@@ -30,7 +30,6 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 
 from pam_control.adaptation.forgetting_fit import ForgettingFit
 from pam_control.adaptation.normal_equations import (
@@ -128,6 +127,25 @@ def take_sample(
         fitted[i] = used * found[i]
 
 
+@entry_point
+def predicted_variance(
+    given: Any, state: Any, rows: Any, products: Any, scratch: Any, functions: Any
+) -> float:
+    """Variance of the value that the fit predicts, with the noise of a sample."""
+    count, found = len(rows[WANTED]), rows[MOVED]
+    for i in range(count):
+        for j in range(count):
+            scratch[i][j] = products[i][j]
+        scratch[i][i] += state[SIZE] * rows[DOUBT][i] * rows[PENALTY][i]
+        found[i] = functions[i]
+    factorise(scratch, count)
+    substitute(scratch, count, found)
+    spread = 0.0
+    for i in range(count):
+        spread += functions[i] * found[i]
+    return float(given[NOISE] ** 2 * state[SIZE] * (1.0 + max(spread, 0.0)))
+
+
 class RecursiveFit(ForgettingFit):
     """Weights of given functions that explain a measured value.
 
@@ -171,17 +189,13 @@ class RecursiveFit(ForgettingFit):
 
     def deviation(self, index: int) -> float:
         """Standard deviation of one weight, in its unit."""
-        alone = np.zeros(len(self._deviations))
-        alone[index] = 1.0
-        return math.sqrt(self._doubt(alone))
+        sums, size = np.array(self._sums), self._state[SIZE]
+        regular = np.array(self._products) + np.diag(size * sums[DOUBT] * sums[PENALTY])
+        inverse = np.linalg.inv(regular)
+        return self._noise * math.sqrt(size * max(float(inverse[index, index]), 0.0))
 
     def variance(self, functions: Sequence[float]) -> float:
         """Variance of the value that the fit predicts for functions, with the noise of a sample."""
-        return self._doubt(np.array(functions)) + self._noise**2 * float(self._state[SIZE])
-
-    def _doubt(self, functions: npt.NDArray[np.float64]) -> float:
-        """Variance of the weighted sum of functions."""
-        sums, size = np.array(self._sums), self._state[SIZE]
-        regular = np.array(self._products) + np.diag(size * sums[DOUBT] * sums[PENALTY])
-        spread = float(functions @ np.linalg.solve(regular, functions))
-        return float(self._noise**2 * size * max(spread, 0.0))
+        given, state, rows, products, scratch = self._arguments
+        self._functions[:] = functions
+        return predicted_variance(given, state, rows, products, scratch, self._functions)

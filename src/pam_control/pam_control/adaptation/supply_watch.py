@@ -17,8 +17,7 @@ Source: R. E. Kalman, "A new approach to linear filtering and prediction problem
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Final
+from typing import Any, Final
 
 from pam_control.limited import limited
 
@@ -30,6 +29,10 @@ TRIFLE: Final = 0.03  # of the pressure
 SURE: Final = 2.0  # standard deviations
 FOLLOWS: Final = 0.2  # s; a faster change of the flows is a push, as the position loop has answered
 FADES: Final = 10.0  # s of filling; what lasts is left to the fits of the valves
+P_ACTS, P_FOUND, P_VARIANCE = range(3)
+N_SAG: Final = 3
+"""Sag of the supply that is used, 0 or negative, and the one that was found, of its pressure [-];
+variance of the latter."""
 LARGEST_SLOPE: Final = 5.0  # of the flow by the pressure, both relative
 
 
@@ -50,52 +53,35 @@ def flow_slope(ratio: float, critical: float) -> float:
     return min(1.0 + ratio * over / left, LARGEST_SLOPE) if left > 0.0 else LARGEST_SLOPE
 
 
-class SupplyWatch:
-    """The sag of a supply.
+def learn_sag(p: Any, missing: float, slope: float, variance: float, since: float) -> None:
+    """Take a sample of a valve that fills.
 
-    Attributes
+    Parameters
     ----------
-    acts : float
-        Sag that is used, 0 or negative, of the pressure before the valves [-].
+    p : row
+        `P_ACTS` and its like.
+    missing : float
+        Flow beyond the promised one, of the full flow [-].
+    slope : float
+        Change of the promised flow by the sag that is used [-].
+    variance : float
+        Of the promised flow.
+    since : float
+        Time since the last sample of this valve [s].
     """
+    p[P_FOUND] *= math.exp(-since / FADES)
+    innovation = missing - slope * (p[P_FOUND] - p[P_ACTS])
+    if innovation * innovation > SURPRISE**2 * variance:
+        p[P_VARIANCE] = UNKNOWN**2
+    spread = variance * CORRELATED / since
+    gain = p[P_VARIANCE] * slope / (slope * slope * p[P_VARIANCE] + spread)
+    p[P_FOUND] = limited(p[P_FOUND] + gain * innovation, LOWEST, 0.0)
+    p[P_VARIANCE] *= 1.0 - gain * slope
+    sure = -p[P_FOUND] > max(TRIFLE, SURE * math.sqrt(p[P_VARIANCE]))
+    goal = p[P_FOUND] if sure else 0.0
+    p[P_ACTS] += since / (FOLLOWS + since) * (goal - p[P_ACTS])
 
-    def __init__(self) -> None:
-        self.forget()
 
-    def forget(self) -> None:
-        """The supply is as it should be."""
-        self.acts, self._found, self._variance = 0.0, 0.0, 0.0
-
-    @property
-    def rest(self) -> float:
-        """Sag that was found and is not used [-]."""
-        return self._found - self.acts
-
-    def learn(
-        self, missing: float, slope: float, variance: Callable[[], float], since: float
-    ) -> None:
-        """Take a sample of a valve that fills.
-
-        Parameters
-        ----------
-        missing : float
-            Flow beyond that which valve data, fit and the supply as it should be promise, of the
-            full flow [-].
-        slope : float
-            Change of the promised flow by the sag, of the full flow [-].
-        variance : callable
-            Of the promised flow.
-        since : float
-            Time since the last sample of this valve [s].
-        """
-        self._found *= math.exp(-since / FADES)
-        innovation, expected = missing - slope * self.rest, variance()
-        if innovation * innovation > SURPRISE**2 * expected:
-            self._variance = UNKNOWN**2
-        spread = expected * CORRELATED / since
-        gain = self._variance * slope / (slope * slope * self._variance + spread)
-        self._found = limited(self._found + gain * innovation, LOWEST, 0.0)
-        self._variance *= 1.0 - gain * slope
-        sure = -self._found > max(TRIFLE, SURE * math.sqrt(self._variance))
-        goal = self._found if sure else 0.0
-        self.acts += since / (FOLLOWS + since) * (goal - self.acts)
+def forget_sag(p: Any) -> None:
+    """The supply is as it should be."""
+    p[P_ACTS] = p[P_FOUND] = p[P_VARIANCE] = 0.0
