@@ -14,7 +14,6 @@ from pam_check.control.disturbances import (
     amplitude,
     muscles_alone,
     pushed,
-    sagging,
 )
 from pam_check.control.rough_control import RoughControl
 from pam_model.rig import load_rig
@@ -53,10 +52,3 @@ def test_feedback_halves_the_compliance_and_a_torque_that_swings_does_not_soften
     assert compliance < 0.35 * muscles_alone(rough.controller).compliance[0]
     assert "outside torque" in rough.controller.guard.swings
     assert rough.controller.guard.lowered == 0
-
-
-@pytest.mark.parametrize(("motion", "most"), [("arm", 1.7e-3), ("chirp", 1.2e-3)])
-def test_a_joint_tracks_while_the_supply_sags(motion, most):
-    """2.4 and 1.9 mrad where each valve learns for itself; 2.6 and 7.5 where none learns."""
-    rough = RoughControl(load_rig(ELBOW), TOLD, 1)
-    assert sagging(rough, rough.controller, motion, 1) < most

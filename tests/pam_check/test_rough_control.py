@@ -427,3 +427,12 @@ def _errors_after_a_change(control, before, after, seed):
 def test_what_was_learnt_is_taken_back_when_its_cause_is_gone(rough, gone, left):
     adapting = RoughControl(rough.rig, TOLD.replace(adaptation=True), 1)
     assert _errors_after_a_change(adapting, gone, "nothing", 1) < left
+
+
+def test_a_delay_with_hysteresis_lowers_the_gains_and_stops_nothing(rough):
+    """Its mild and fast oscillation was answered by soft gains, with which it swings as well."""
+    for result in rough.run("hysteresis, commands 19 ms", None, 0):
+        assert not result.controller.stopped
+        assert not result.controller.softened
+        assert result.controller.swings
+        assert result.controller.rms < 0.02

@@ -34,6 +34,8 @@ PAUSE = 0.6  # s after softening or a tube; what is under way with the old loops
 # because what one pause leaves has faded when the next one comes.
 MOST_STILL = 0.3
 GAP_MEMORY = 0.5  # s
+SMALL, FAST = 0.03, 6.0  # rad, Hz: lower gains are tried first against an oscillation like this;
+# a slower one is that of the pressure loops, which only soft gains end
 GROWN = 2.0  # of the first swings; smaller ones are less than what soft gains leave
 SLOW = 0.8  # of the crossover frequency, below which a loop swings only with friction or a tube
 
@@ -191,7 +193,7 @@ class LoopGuard:
                 wild = oscillation.update(time, joint.reference.velocity, speed)
             if self._fades(index, time, joint.behind_tube):
                 wild = oscillation.too_fast(speed)
-            if not wild or time < self._pause_until:
+            if not wild or (time < self._pause_until and not self._grows(oscillation)):
                 continue
             cycle = self._swinging[index].last_cycle()
             if cycle is not None:
@@ -201,11 +203,21 @@ class LoopGuard:
                 even = ", even with soft gains" if means.can_soften else ""
                 self.stopped = f"{name}: {wild}{even}"
                 return GuardAction.STOP
-            self.softened = f"{name}: {wild}"
             self._pause_until = time + PAUSE
+            mild = cycle is not None and cycle.size < SMALL and cycle.frequency > FAST
+            mild = mild and not oscillation.is_violent
             self.restart()
+            if mild and self.lowered < means.steps:
+                self.lowered += 1
+                self._told.setdefault((name, Cause.DELAY), f"{name}: {wild}")
+                return GuardAction.LOWER
+            self.softened = f"{name}: {wild}"
             return GuardAction.SOFTEN
         return GuardAction.NOTHING
+
+    def _grows(self, oscillation: OscillationWatch) -> bool:
+        """Whether an oscillation becomes violent although gains were lowered."""
+        return self.lowered > 0 and not self.softened and oscillation.is_violent
 
     def _answer_swings(
         self, time: float, joints: Sequence[JointTelemetry], means: Means

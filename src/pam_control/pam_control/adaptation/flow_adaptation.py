@@ -34,18 +34,9 @@ import math
 from typing import Any, Final
 
 from pam_control.adaptation.recursive_fit import RecursiveFit, Suspect
-from pam_control.adaptation.supply_watch import (
-    N_SAG,
-    P_ACTS,
-    P_FOUND,
-    flow_slope,
-    forget_sag,
-    learn_sag,
-)
 from pam_control.adaptation.tube_search import TubeSearch
 from pam_control.limited import limited
 from pam_control.rows.loop_rows import (
-    N_CRITICAL,
     N_FULL,
     N_PER_PRESSURE,
     N_PER_SQUARE,
@@ -71,7 +62,6 @@ FILTER: Final = 0.06  # s
 EVERY: Final = 0.02  # s between two updates of the fit
 NOISE: Final = 0.01  # of the full flow
 TRIFLE: Final = 0.003  # of the full flow; less is left to the pressure loop
-LEAST_FILLING: Final = 0.05  # of the full flow, for what it shows of the supply
 LEAST_WORK: Final = 0.004  # of the full flow; a valve that is nearly shut tells nothing
 DEVIATIONS: Final = (0.3, 0.3, 0.05, 0.5, 0.05, 3.0, 0.05, 0.3, 0.02)  # the last one in s
 LOWEST: Final = (-0.5, -0.5, -0.08, -1.0, -0.1, 0.0, 0.0, -0.5, -math.inf)
@@ -218,8 +208,6 @@ class FlowAdaptation:
         valves do not compute theirs in one control cycle [-].
     tube : float, optional
         Squared conductance of the valve over that of the tube that the rig file names [-].
-    sag : row, optional
-        Of the supply, which all valves of a robot share (`supply_watch`).
 
     Attributes
     ----------
@@ -227,18 +215,8 @@ class FlowAdaptation:
         Whether the sensor is before a tube.
     """
 
-    def __init__(
-        self,
-        n: Any,
-        v: Any,
-        supply: float,
-        turn: float = 0.0,
-        tube: float = 0.0,
-        sag: Any = None,
-    ) -> None:
+    def __init__(self, n: Any, v: Any, supply: float, turn: float = 0.0, tube: float = 0.0) -> None:
         self._full, self._turn, self._v = float(n[N_FULL]), turn, v
-        self._supply, self._critical = supply, float(n[N_CRITICAL])
-        self._sag = [0.0] * N_SAG if sag is None else sag
         self._fit = RecursiveFit(DEVIATIONS, NOISE, TRIFLE, LATE, LEAK)
         self.tube = TubeSearch(self._full, supply, tube)
         n[N_PER_PRESSURE], n[N_PER_SQUARE] = self._full / supply, self.tube.per_square
@@ -247,7 +225,6 @@ class FlowAdaptation:
 
     def forget(self) -> None:
         """Nothing is known."""
-        forget_sag(self._sag)
         self.tube.forget()
         self._v[V_TUBE] = self.tube.share
         self.forget_flows()
@@ -287,18 +264,6 @@ class FlowAdaptation:
         opened = float(self._v[V_WEIGHTS + OPENED])
         return opened, QUANTILE * self._fit.deviation(OPENED)
 
-    def _sagging(
-        self, functions: list[float], beyond: float, pressure: float, since: float
-    ) -> float:
-        """What a sag of the supply that is not used yet takes of the flow, of the full one [-]."""
-        weights, p = self.weights, self._sag
-        supply = self._supply * (1.0 + p[P_ACTS])
-        share = max(1.0 + weights[0], LEAST_SHARE)
-        slope = functions[0] * share * flow_slope(pressure / supply, self._critical)
-        missing = beyond - math.sumprod(weights, functions)
-        learn_sag(p, missing, slope, self._fit.variance(functions), since)
-        return float(slope * (p[P_FOUND] - p[P_ACTS]))
-
     def update(self) -> None:
         """Learn from the filtered samples; due when `V_SINCE` has reached `EVERY`."""
         v = self._v
@@ -316,9 +281,6 @@ class FlowAdaptation:
             seen = per_rate * (float(v[V_TRUE]) - slow) / FILTER + moved
             late = (up + down - float(v[V_LATE])) / FILTER
             functions = [each / self._full for each in (*smooth[3:], late)]
-            beyond = (seen - up - down) / self._full
-            if up > LEAST_FILLING * self._full:
-                beyond -= self._sagging(functions, beyond, smooth[1], since)
-            self._fit.update(functions, beyond, since)
+            self._fit.update(functions, (seen - up - down) / self._full, since)
             self._bound()
         v[V_SINCE] = 0.0

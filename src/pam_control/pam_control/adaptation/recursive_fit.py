@@ -127,25 +127,6 @@ def take_sample(
         fitted[i] = used * found[i]
 
 
-@entry_point
-def predicted_variance(
-    given: Any, state: Any, rows: Any, products: Any, scratch: Any, functions: Any
-) -> float:
-    """Variance of the value that the fit predicts, with the noise of a sample."""
-    count, found = len(rows[WANTED]), rows[MOVED]
-    for i in range(count):
-        for j in range(count):
-            scratch[i][j] = products[i][j]
-        scratch[i][i] += state[SIZE] * rows[DOUBT][i] * rows[PENALTY][i]
-        found[i] = functions[i]
-    factorise(scratch, count)
-    substitute(scratch, count, found)
-    spread = 0.0
-    for i in range(count):
-        spread += functions[i] * found[i]
-    return float(given[NOISE] ** 2 * state[SIZE] * (1.0 + max(spread, 0.0)))
-
-
 class RecursiveFit(ForgettingFit):
     """Weights of given functions that explain a measured value.
 
@@ -193,9 +174,3 @@ class RecursiveFit(ForgettingFit):
         regular = np.array(self._products) + np.diag(size * sums[DOUBT] * sums[PENALTY])
         inverse = np.linalg.inv(regular)
         return self._noise * math.sqrt(size * max(float(inverse[index, index]), 0.0))
-
-    def variance(self, functions: Sequence[float]) -> float:
-        """Variance of the value that the fit predicts for functions, with the noise of a sample."""
-        given, state, rows, products, scratch = self._arguments
-        self._functions[:] = functions
-        return predicted_variance(given, state, rows, products, scratch, self._functions)

@@ -15,7 +15,6 @@ from pam_control.adaptation.flow_adaptation import (
     EVERY,
     FlowAdaptation,
 )
-from pam_control.adaptation.supply_watch import N_SAG, P_ACTS
 from pam_control.cycle.valve_stage import command_valves, full_flow, true_pressures
 from pam_control.feedback.pressure_watch import LEAST_SHARE, begin_watch
 from pam_control.feedback.supply_reservoir import SupplyReservoir
@@ -165,7 +164,6 @@ class PressureLoops:
     ) -> None:
         count = len(table.places)
         self._owners, self._reservoir, self._constants = table.owners, reservoir, numbers
-        self._sag = for_kernel(np.zeros(N_SAG))
         self._muscles = [robot.muscles[place] for place in table.places]
         self._numbers = for_kernel(np.zeros((count, N_NUMBERS)))
         self._inverses = for_kernel(
@@ -206,7 +204,7 @@ class PressureLoops:
         turn, loss = (muscle.place + 0.5) / len(robot.muscles), 0.0
         if valve.tube is not None:
             loss = TOLD_TUBE * (valve.sonic_conductance / valve.tube.conductance) ** 2
-        return MuscleLoop(v, FlowAdaptation(n, v, robot.supply.pressure, turn, loss, self._sag))
+        return MuscleLoop(v, FlowAdaptation(n, v, robot.supply.pressure, turn, loss))
 
     def use(self, joint: int, settings: ControlSettings, adapts: bool, acts: float) -> None:
         """Use other settings of a joint from the next step on.
@@ -250,8 +248,8 @@ class PressureLoops:
             d[D_VOLUME : D_BY_PRESSURE + 1] = gas_space(muscle, gas, length)
         drawn, is_due = command_valves(
             self._owners, self._constants, self._numbers, self._inverses, self._settings,
-            self.state, self.demands, self._reservoir.pressure * (1.0 + self._sag[P_ACTS]), age,
-            step, self._commands, self._cut,
+            self.state, self.demands, self._reservoir.pressure, age, step, self._commands,
+            self._cut,
         )  # fmt: skip
         self._reservoir.draw(drawn)
         if is_due:

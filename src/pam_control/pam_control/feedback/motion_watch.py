@@ -60,6 +60,11 @@ class OscillationWatch:
         self._turned = False  # the reference turned round in this half period
         self._reference_peaks: deque[tuple[float, float]] = deque()
 
+    @property
+    def is_violent(self) -> bool:
+        """Whether the speed error is so large that nothing but soft gains may be tried."""
+        return self._peak >= VIOLENT_SHARE * self._max_velocity
+
     def update(self, time: float, reference_speed: float, speed: float) -> str:
         """Take a measurement; return what is wrong, or an empty text.
 
