@@ -89,6 +89,12 @@ def test_ordinary_motion_is_within_the_range_of_the_joint_and_not_too_long():
     assert max(abs(point.positions[0]) for point in points) < 0.7
 
 
+def test_a_short_piece_of_ordinary_motion_has_one_reach_at_least():
+    for seed in range(30):
+        points = ordinary_motion(np.random.default_rng(seed), 3.0)
+        assert 0.5 < points[-1].time_from_start < 6.0
+
+
 def test_an_unknown_rig_is_one_line_and_exit_code_2(capsys):
     assert main(["reported-swings", "--rigs", "gremlins"]) == 2
     assert "--rigs gremlins: unknown" in capsys.readouterr().err

@@ -166,7 +166,9 @@ def ordinary_motion(random: np.random.Generator, seconds: float) -> list[Traject
             lasts = turns / hertz
         count = round(lasts / STEP)
         if time + count * STEP > seconds:
-            return points
+            if points:
+                return points
+            continue  # the first one is longer than the whole
         amplitude = min(0.25, 0.6 - abs(at)) * (1.0 if at < 0.0 else -1.0)
         for index in range(1, count + 1):
             x = index / count
