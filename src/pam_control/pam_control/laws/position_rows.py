@@ -20,7 +20,15 @@ from pam_control.compensation.history_torque import begin_history
 from pam_control.feedback.disturbance_observer import begin_observer
 from pam_control.feedback.stuck_integral import begin_sticking
 from pam_control.joint_models import PRESSURE_SHARE, JointModels
-from pam_control.laws.position_plan import AHEAD, AIM, NOW, OBSERVE, REACHED, plan_parts
+from pam_control.laws.position_plan import (
+    AHEAD,
+    AIM,
+    NOW,
+    OBSERVE,
+    REACHED,
+    RESUME,
+    plan_parts,
+)
 from pam_control.learning.motion_learner import MotionLearner
 from pam_control.limited import limited
 from pam_control.plan_memory import KEPT_BEFORE_MEASUREMENT, Rings
@@ -88,7 +96,7 @@ from pam_control.rows.plan_rows import (
 from pam_control.settings import ControlSettings
 from pam_model.effects.slots import PullState
 from pam_model.joints.muscle_inverse import L_RATIO
-from pam_model.plant.compiled import for_kernel, prepare
+from pam_model.plant.compiled import for_kernel, listed_column, prepare
 from pam_model.plant.layout import N_MUSCLE_STATES
 from pam_model.views.joint_numbers import is_closed_form, joint_numbers
 
@@ -209,7 +217,8 @@ class PositionRows:
         self.samples.make_room()
         rows = self._rows(begin, end, step)
         others = [k for k in self._open if begin <= k < end]
-        if others or learners:
+        in_parts = bool(others or learners)
+        if in_parts:
             plan_parts(OBSERVE, OBSERVE, *rows)
             for place in others:
                 self._measured_torques(place)
@@ -225,20 +234,21 @@ class PositionRows:
                     )
             is_due = plan_parts(NOW, NOW, *rows)
         else:
-            is_due = plan_parts(OBSERVE, NOW, *rows)
+            is_due = plan_parts(OBSERVE, REACHED, *rows)
         for place in range(begin, end):
             self.estimates[place].stiffness.go_on()
         self._rebuild(step)
         if is_due:
-            for place in range(begin, end):
-                self._learn(place)
+            self._learn(begin, end)
         if others:
             plan_parts(AIM, AIM, *rows)
             for place in others:
                 self._reach(place)
             plan_parts(REACHED, REACHED, *rows)
-        else:
+        elif in_parts:
             plan_parts(AIM, REACHED, *rows)
+        elif is_due:
+            plan_parts(RESUME, REACHED, *rows)
 
     def _rebuild(self, step: float) -> None:
         """Let few joints do parts of what takes long, in turns."""
@@ -252,17 +262,18 @@ class PositionRows:
                 if chosen == 0:
                     return
 
-    def _learn(self, place: int) -> None:
-        """Update the fits of a joint that are due."""
-        x, y, estimates = self.x[place], self.y[place], self.estimates[place]
-        if x[X_ESTIMATE_DUE] > 0.0:
-            stiffness = estimates.stiffness
-            stiffness.since = float(y[Y_SINCE_ESTIMATE])
-            aligned = self.column(place, W_LAGGING)
-            stiffness.learn(0.0, aligned, float(x[X_LAGGING_INSIDE]), float(x[X_BESIDE]))
-            y[Y_SINCE_ESTIMATE] = stiffness.since
-        if x[X_IS_DUE] > 0.0:
-            estimates.adaptation.update()
+    def _learn(self, begin: int, end: int) -> None:
+        """Update the fits that are due of the joints from `begin` to before `end`."""
+        fits, estimates = listed_column(self.x, X_IS_DUE), listed_column(self.x, X_ESTIMATE_DUE)
+        for place in range(begin, end):
+            if estimates[place] > 0.0:
+                x, y, stiffness = self.x[place], self.y[place], self.estimates[place].stiffness
+                stiffness.since = float(y[Y_SINCE_ESTIMATE])
+                aligned = self.column(place, W_LAGGING)
+                stiffness.learn(0.0, aligned, float(x[X_LAGGING_INSIDE]), float(x[X_BESIDE]))
+                y[Y_SINCE_ESTIMATE] = stiffness.since
+            if fits[place] > 0.0:
+                self.estimates[place].adaptation.update()
 
     def column(self, place: int, column: int) -> tuple[float, ...]:
         """A column of the rows of a joint's muscles, such as `W_PRESSURE`."""
