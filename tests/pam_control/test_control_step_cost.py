@@ -7,6 +7,7 @@ import sys
 from functools import partial
 from statistics import median, quantiles
 
+from pam_control.adaptation import varied_joint
 from pam_control.adaptation.normal_equations import SEEN, UNSOLVED
 from pam_control.control_step import Measurement
 from pam_control.controller import Controller
@@ -56,11 +57,13 @@ def test_a_cycle_of_one_joint_makes_few_calls(rig):
 
 def test_no_cycle_builds_more_than_one_model(rig, monkeypatch):
     """The derivatives of the stiffness need eight models: 1.5 ms of a cycle of 2 ms, in one go."""
-    built, from_robot = [], JointStatics.from_robot
+    built = []
     steps = steps_of_a_stream(rig, 1000)
     next(steps)()  # makes the controller and its models
     monkeypatch.setattr(
-        JointStatics, "from_robot", lambda *given, **named: built.append(1) or from_robot(*given)
+        varied_joint,
+        "JointStatics",
+        lambda *given, **named: built.append(1) or JointStatics(*given, **named),
     )
     counts = []
     for step in steps:

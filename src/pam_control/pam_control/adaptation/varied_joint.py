@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any, Final, Protocol
 
@@ -11,7 +11,8 @@ from pam_model.effects import effect_value
 from pam_model.joints.joint_muscle import JointMuscle
 from pam_model.joints.joint_statics import JointStatics
 from pam_model.rig import Joint, Muscle, Rig
-from pam_model.robot import compose_in_parts
+from pam_model.rig.arms import arm_lengths
+from pam_model.robot import effective_force_model
 from pam_model.views.inverse_dynamics import InverseDynamics
 
 OF_MUSCLES: Final = ("thread_length", "turns", "neutral_length")
@@ -55,54 +56,62 @@ class JointOfRig:
     """A joint of a rig file."""
 
     def __init__(self, rig: Rig, joint: Joint) -> None:
-        # of one joint alone, because the models with changed numbers are built in a control cycle
-        muscles = tuple(rig.muscle(name) for name in joint.muscles)
-        self._rig, self._joint = replace(rig, joints=(joint,), muscles=muscles), joint
+        self._joint, self._gas = joint, rig.gas
+        self._written = {name: rig.muscle(name) for name in joint.muscles}
+        self._supply = rig.supply_gauge_pressure
         self._muscles: dict[tuple[str | float, ...], JointMuscle] = {}
+        self._of_arms: dict[str, float] = {}  # the numbers of the joint that the arms are for
+        self._arms = arm_lengths(joint)
         self.tolerance = rig.parameter_tolerance
         self.numbers: list[tuple[str, str]] = [(joint.name, "pulley_radius")] + [
             (name, key)
-            for name in joint.muscles
+            for name, muscle in self._written.items()
             for key in OF_MUSCLES
-            if getattr(rig.muscle(name), key, None)
+            if getattr(muscle, key, None)
         ]
+
+    def _part(self, owner: str) -> Joint | Muscle:
+        return self._joint if owner == self._joint.name else self._written[owner]
 
     def changed(self, changes: Sequence[float]) -> Iterator[JointStatics | None]:
-        """See `VariedJoint`."""
+        """See `VariedJoint`; the muscles with the same numbers are shared."""
         new: dict[str, dict[str, Any]] = {}
         for (owner, key), change in zip(self.numbers, changes, strict=True):
-            part = self._joint if owner == self._joint.name else self._rig.muscle(owner)
-            new.setdefault(owner, {})[key] = (1.0 + change) * getattr(part, key)
-        joint = replace(self._joint, **new.get(self._joint.name, {}))
-        muscles: list[Muscle] = []
-        for one in self._rig.muscles:
-            yield None
-            muscles.append(replace(one, **new.get(one.name, {})))
-        yield None
-        rig = replace(self._rig, joints=(joint,), muscles=tuple(muscles))
-        for robot in compose_in_parts(rig):
-            yield None
-            if robot is not None:
-                yield self._sharing(JointStatics.from_robot(robot, robot.joints[0]), new)
-
-    def _sharing(self, made: JointStatics, new: Mapping[str, dict[str, float]]) -> JointStatics:
-        """The same joint with the muscles of others that it shares all numbers with."""
+            new.setdefault(owner, {})[key] = (1.0 + change) * getattr(self._part(owner), key)
         if len(self._muscles) > MOST_MUSCLES:
             self._muscles.clear()
-        muscles = [
-            self._muscles.setdefault((name, *new.get(name, {}).values()), muscle)
-            for name, muscle in zip(self._joint.muscles, made.muscles, strict=True)
-        ]
-        return JointStatics(
-            muscles, made.arms, ambient_pressure=made.ambient_pressure, exponent=made.exponent
+        muscles = []
+        for name in self._joint.muscles:
+            numbers = (name, *new.get(name, {}).values())
+            if numbers not in self._muscles:
+                yield None
+                written = replace(self._written[name], **new.get(name, {}))
+                yield None
+                nominal = written.create_force_model()
+                yield None
+                force, high = effective_force_model(written, nominal), written.max_pressure
+                self._muscles[numbers] = JointMuscle(
+                    force, written.neutral_length, 0.0, min(high, self._supply)
+                )
+            muscles.append(self._muscles[numbers])
+        of_joint = new.get(self._joint.name, {})
+        if of_joint != self._of_arms:
+            yield None
+            self._arms = arm_lengths(replace(self._joint, **of_joint))
+            self._of_arms = of_joint
+        yield None
+        yield JointStatics(
+            muscles,
+            self._arms,
+            ambient_pressure=self._gas.ambient_pressure,
+            exponent=self._gas.polytropic_exponent,
         )
 
     def places(self, dynamics: InverseDynamics) -> list[Place]:
         """See `VariedJoint`."""
         joint, places = self._joint, []
         for owner, key in self.numbers:
-            part = joint if owner == joint.name else self._rig.muscle(owner)
-            written = float(getattr(part, key))
+            written = float(getattr(self._part(owner), key))
             places.append(Place(owner, key, written, written))
         for key in ("inertia", "viscous_friction", "gravity_torque"):
             # with effects such as a payload, which stay as they are
