@@ -52,7 +52,7 @@ from pam_control.limited import limited
 from pam_control.rows.plan_rows import N_MEMORY
 from pam_model.errors import PamError
 from pam_model.joints.joint_statics import JointStatics
-from pam_model.plant.compiled import for_kernel, prepare
+from pam_model.plant.compiled import for_kernel, listed, prepare
 from pam_model.views.inverse_dynamics import InverseDynamics
 
 SETTLING: Final = 0.3  # s, until they have forgotten how they began
@@ -250,47 +250,36 @@ class StiffnessEstimate:
 
         With the last model, the derivatives are used; what was found with others counts less.
         """
-        about, count = self._found[: len(self._joint.numbers)], len(self._joint.numbers)
+        count = len(self._joint.numbers)
+        about: list[float] = listed(self._weights[FOUND])[:count]
         built: list[JointStatics] = []
         while len(built) <= count:
             changes = about.copy()
             if built:
                 changes[len(built) - 1] += DIFFERENCE
             try:
-                for part in self._joint.changed(changes.tolist()):
+                for part in self._joint.changed(changes):
                     if part is not None:
                         built.append(part)
                     yield
             except PamError:  # a rig at the edge of what is possible
-                about, built = np.zeros(count), []
-        while self._sample is not None:  # of the former derivatives
-            self.go_on()
-        self._about: list[float] = about.tolist()
-        self._weights[ABOUT][:count] = self._about
-        self._model, *self._changed = built
-        self._share_pulls(built)
+                about, built = [0.0] * count, []
+        distinct, places = _shared_pulls(built)
+        yield
+        of_models = for_kernel(np.array(places, dtype=np.int64))
+        levers = for_kernel(np.array([[*joint.ratios, joint.radius] for joint in built]))
+        yield
         # at the ends of the range of one model, another one may not be defined
         ranges = [each.position_range for each in (self._written, *built)]
+        while self._sample is not None:  # of the former derivatives
+            self.go_on()
         self._low, self._high = max(low for low, _ in ranges), min(high for _, high in ranges)
+        self._about, self._weights[ABOUT][:count] = about, about
+        self._model, *self._changed = built
+        self._distinct, self._places, self._levers = distinct, of_models, levers
+        self._pulls = for_kernel(np.zeros(len(distinct)))
         self._moved = 0.0
         self._tolerance.fade(OLD_SHARE)
-
-    def _share_pulls(self, built: Sequence[JointStatics]) -> None:
-        """Find the pulls that differ between the models: most have a muscle that is unchanged."""
-        found: dict[tuple[int, float, int], int] = {}
-        self._distinct: list[tuple[int, JointStatics]] = []
-        places: list[list[int]] = []
-        for joint in built:
-            places.append([])
-            for number, (muscle, arm) in enumerate(zip(joint.muscles, joint.arms, strict=True)):
-                key = number, arm, id(muscle)
-                if key not in found:
-                    found[key] = len(self._distinct)
-                    self._distinct.append((number, joint))
-                places[-1].append(found[key])
-        self._pulls = for_kernel(np.zeros(len(found)))
-        self._places = for_kernel(np.array(places, dtype=np.int64))
-        self._levers = for_kernel(np.array([[*joint.ratios, joint.radius] for joint in built]))
 
     def numbers(self) -> RigNumbers:
         """The numbers that the rig file of this joint should have, a load and friction included."""
@@ -330,3 +319,29 @@ class StiffnessEstimate:
             factor = np.sqrt(self._prior)
         half = QUANTILE * float(np.linalg.norm(np.linalg.solve(factor, slopes)))
         return Stiffness(value, value - half, value + half, learnt)
+
+
+def _shared_pulls(
+    models: Sequence[JointStatics],
+) -> tuple[list[tuple[int, JointStatics]], list[list[int]]]:
+    """The pulls that differ between models, because most have a muscle that is unchanged.
+
+    Returns
+    -------
+    distinct : list of (int, JointStatics)
+        A muscle, and a model that has it.
+    places : list of list of int
+        Of each model, the numbers of its muscles in `distinct`.
+    """
+    found: dict[tuple[int, float, int], int] = {}
+    distinct: list[tuple[int, JointStatics]] = []
+    places: list[list[int]] = []
+    for joint in models:
+        places.append([])
+        for number, (muscle, arm) in enumerate(zip(joint.muscles, joint.arms, strict=True)):
+            key = number, arm, id(muscle)
+            if key not in found:
+                found[key] = len(distinct)
+                distinct.append((number, joint))
+            places[-1].append(found[key])
+    return distinct, places

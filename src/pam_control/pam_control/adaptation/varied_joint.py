@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
-from typing import Any, Final, Protocol
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Final, Protocol
 
 from pam_control.adaptation.rig_numbers import DRY_FRICTION, Place
 from pam_model.effects import effect_value
 from pam_model.joints.joint_muscle import JointMuscle
 from pam_model.joints.joint_statics import JointStatics
+from pam_model.muscles.force_model import MuscleGeometry, create_force_model
 from pam_model.rig import Joint, Muscle, Rig
 from pam_model.rig.arms import arm_lengths
 from pam_model.robot import effective_force_model
@@ -60,8 +60,6 @@ class JointOfRig:
         self._written = {name: rig.muscle(name) for name in joint.muscles}
         self._supply = rig.supply_gauge_pressure
         self._muscles: dict[tuple[str | float, ...], JointMuscle] = {}
-        self._of_arms: dict[str, float] = {}  # the numbers of the joint that the arms are for
-        self._arms = arm_lengths(joint)
         self.tolerance = rig.parameter_tolerance
         self.numbers: list[tuple[str, str]] = [(joint.name, "pulley_radius")] + [
             (name, key)
@@ -75,37 +73,44 @@ class JointOfRig:
 
     def changed(self, changes: Sequence[float]) -> Iterator[JointStatics | None]:
         """See `VariedJoint`; the muscles with the same numbers are shared."""
-        new: dict[str, dict[str, Any]] = {}
+        new: dict[str, dict[str, float]] = {self._joint.name: {}}
         for (owner, key), change in zip(self.numbers, changes, strict=True):
             new.setdefault(owner, {})[key] = (1.0 + change) * getattr(self._part(owner), key)
         if len(self._muscles) > MOST_MUSCLES:
             self._muscles.clear()
         muscles = []
         for name in self._joint.muscles:
-            numbers = (name, *new.get(name, {}).values())
-            if numbers not in self._muscles:
-                yield None
-                written = replace(self._written[name], **new.get(name, {}))
-                yield None
-                nominal = written.create_force_model()
-                yield None
-                force, high = effective_force_model(written, nominal), written.max_pressure
-                self._muscles[numbers] = JointMuscle(
-                    force, written.neutral_length, 0.0, min(high, self._supply)
-                )
-            muscles.append(self._muscles[numbers])
-        of_joint = new.get(self._joint.name, {})
-        if of_joint != self._of_arms:
-            yield None
-            self._arms = arm_lengths(replace(self._joint, **of_joint))
-            self._of_arms = of_joint
+            numbers: dict[str, float] = new.get(name, {})
+            shared: tuple[str | float, ...] = (name, *numbers.values())
+            if shared not in self._muscles:
+                for part in self._muscle(self._written[name], numbers):
+                    if part is None:
+                        yield None
+                    else:
+                        self._muscles[shared] = part
+            muscles.append(self._muscles[shared])
         yield None
+        radius = new[self._joint.name].get("pulley_radius", self._joint.pulley_radius)
         yield JointStatics(
             muscles,
-            self._arms,
+            arm_lengths(radius, self._joint.effects),
             ambient_pressure=self._gas.ambient_pressure,
             exponent=self._gas.polytropic_exponent,
         )
+
+    def _muscle(
+        self, written: Muscle, numbers: Mapping[str, float]
+    ) -> Iterator[JointMuscle | None]:
+        """A muscle with changed numbers; None comes before each part of the work."""
+        thread_length, turns, neutral_length = (
+            numbers.get(name, getattr(written, name)) for name in OF_MUSCLES
+        )
+        yield None
+        geometry = MuscleGeometry(thread_length, turns, written.rest_length, written.wall_thickness)
+        nominal = create_force_model(written.model, geometry, written.model_parameters)
+        yield None
+        force = effective_force_model(written.effects, geometry, nominal)
+        yield JointMuscle(force, neutral_length, 0.0, min(written.max_pressure, self._supply))
 
     def places(self, dynamics: InverseDynamics) -> list[Place]:
         """See `VariedJoint`."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
@@ -99,9 +99,6 @@ from pam_model.joints.muscle_inverse import L_RATIO
 from pam_model.plant.compiled import for_kernel, listed_column, prepare
 from pam_model.plant.layout import N_MUSCLE_STATES
 from pam_model.views.joint_numbers import is_closed_form, joint_numbers
-
-JOINTS_PER_PART: Final = 3
-"""Of several joints whose models are built anew, one in so many does a part of it in a cycle."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -251,16 +248,14 @@ class PositionRows:
             plan_parts(RESUME, REACHED, *rows)
 
     def _rebuild(self, step: float) -> None:
-        """Let few joints do parts of what takes long, in turns."""
-        chosen = math.ceil(len(self.estimates) / JOINTS_PER_PART)
-        for _ in self.estimates:
-            self._turn = (self._turn + 1) % len(self.estimates)
+        """Let one joint do a part of what takes long, in turns."""
+        count = len(self.estimates)
+        for _ in range(count):
+            self._turn = (self._turn + 1) % count
             stiffness = self.estimates[self._turn].stiffness
             if stiffness.rebuilds:
                 stiffness.rebuild(step)
-                chosen -= 1
-                if chosen == 0:
-                    return
+                return
 
     def _learn(self, begin: int, end: int) -> None:
         """Update the fits that are due of the joints from `begin` to before `end`."""

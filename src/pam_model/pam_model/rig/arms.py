@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from pam_model.effects import adjusted
+from pam_model.effects import EffectValues, adjusted
 from pam_model.physics.joint_geometry import SIGNS
-from pam_model.rig.types import Joint, Rig
+from pam_model.rig.types import Rig
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,13 +21,13 @@ class Arm:
     length: float
 
 
-def arm_lengths(joint: Joint) -> list[float]:
+def arm_lengths(radius: float, effects: EffectValues) -> list[float]:
     """Torque per pull [m] of the muscles of a joint, in its order.
 
-    Both are on one round pulley. Effects that change the radius are applied.
+    Both are on one round pulley of a radius [m], which effects of the joint may change.
     """
-    radius = adjusted("joint.pulley_radius", joint.pulley_radius, joint.effects)
-    return [sign * radius for sign in SIGNS]
+    adjusted_radius = adjusted("joint.pulley_radius", radius, effects)
+    return [sign * adjusted_radius for sign in SIGNS]
 
 
 def arms_of(rig: Rig) -> tuple[Arm, ...]:
@@ -36,5 +36,7 @@ def arms_of(rig: Rig) -> tuple[Arm, ...]:
     return tuple(
         Arm(place, places[name], length)
         for place, joint in enumerate(rig.joints)
-        for name, length in zip(joint.muscles, arm_lengths(joint), strict=True)
+        for name, length in zip(
+            joint.muscles, arm_lengths(joint.pulley_radius, joint.effects), strict=True
+        )
     )

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from pam_model.effects import EffectValues, adjusted, switched_on
 from pam_model.effects.slots import SCOPES
-from pam_model.muscles.force_model import ForceModel
+from pam_model.muscles.force_model import ForceModel, MuscleGeometry
 from pam_model.rig.arms import Arm, arms_of
 from pam_model.rig.types import Joint, Muscle, Rig
 from pam_model.robot.robot import (
@@ -103,8 +103,10 @@ def _muscle(rig: Rig, place: int, muscle: Muscle, arms: tuple[Arm, ...]) -> Robo
         model=muscle.model,
         geometry=muscle.geometry,
         constants=tuple(sorted(muscle.model_parameters.items())),
-        static_effects=_static_effects(muscle),
-        force_model=effective_force_model(muscle, rig.force_model(muscle.name)),
+        static_effects=_static_effects(number),
+        force_model=effective_force_model(
+            muscle.effects, muscle.geometry, rig.force_model(muscle.name)
+        ),
         neutral_length=muscle.neutral_length,
         arms=arms,
         dead_volume=number("dead_volume", muscle.dead_volume),
@@ -117,15 +119,16 @@ def _muscle(rig: Rig, place: int, muscle: Muscle, arms: tuple[Arm, ...]) -> Robo
     )
 
 
-def effective_force_model(muscle: Muscle, nominal: ForceModel) -> ForceModel:
+def effective_force_model(
+    effects: EffectValues, geometry: MuscleGeometry, nominal: ForceModel
+) -> ForceModel:
     """The static force model of a muscle, with its effects applied to the nominal one."""
-    laws = _laws(muscle.effects, "muscle")
-    return static_force_model(nominal, muscle.geometry, *_static_effects(muscle), laws)
+    laws = _laws(effects, "muscle")
+    return static_force_model(nominal, geometry, *_static_effects(_numbers(effects)), laws)
 
 
-def _static_effects(muscle: Muscle) -> tuple[float, float, float]:
+def _static_effects(number: Number) -> tuple[float, float, float]:
     """Factor on the contraction ratio [-], threshold pressure [Pa], compliance [m/N]."""
-    number = _numbers(muscle.effects)
     return (
         number("contraction_factor", 1.0),
         number("threshold_pressure", None),
