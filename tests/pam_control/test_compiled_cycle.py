@@ -90,7 +90,7 @@ def commands_of(
         assert output.commands is not None, output.reason
         assert sum(map(math.isnan, output.commands)) == len(rig.muscles) - len(order)
         row = [output.commands[place] for place in order]
-        for joint in controller.telemetry:
+        for joint in output.joints:
             row += [*joint.pressures, joint.torque, joint.reference.position]
         rows.append(row)
     return rows

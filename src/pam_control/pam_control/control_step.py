@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import compress
 from operator import attrgetter
 from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
 
 from pam_control.feedback.pid import PidGains
 from pam_control.joint_models import JointModels, PerMuscle
@@ -324,10 +327,18 @@ class ControlOutput:
         kind of valve; NaN for a muscle that belongs to no joint. None: send nothing.
     reason : str
         Why there are no commands; empty if there are.
+    rows : array or None
+        The telemetry of all joints (`telemetry_rows`); None without commands.
     """
 
     commands: PerMuscle | None
     reason: str = ""
+    rows: npt.NDArray[np.float64] | None = field(default=None, repr=False, compare=False)
+
+    @property
+    def joints(self) -> tuple[JointTelemetry, ...]:
+        """The telemetry of each joint; empty without commands."""
+        return () if self.rows is None else tuple(map(JointTelemetry.of, self.rows.tolist()))
 
 
 def missing_measurement(

@@ -16,6 +16,8 @@ import math
 from collections.abc import Sequence
 from typing import Final
 
+import numpy as np
+
 from pam_control.adaptation.torque_adaptation import LONGEST_DELAY
 from pam_control.control_step import (
     ControlOutput,
@@ -377,7 +379,8 @@ class Controller:
         self, time: float, commands: tuple[float, ...], measurement: Measurement
     ) -> ControlOutput:
         """The output of a cycle, unless its telemetry shows that the joints have to stop."""
-        output = ControlOutput(commands)
+        telemetry = self._cycle.telemetry
+        output = ControlOutput(commands, rows=np.array(telemetry))
         if self.lowering.phase is not LoweringPhase.OFF:
             pressures = self.correction.pressures(measurement.pressures)
             pressures = [pressures[i] for m in self._models for i in m.joint.muscles]
@@ -387,7 +390,6 @@ class Controller:
                 return self._stopped()
             if self.lowering.phase is LoweringPhase.SINKING:
                 return output
-        telemetry = self._cycle.telemetry
         match self.guard.judge(time, telemetry, self.settings.tracking_time, self._means):
             case GuardAction.LOWER | GuardAction.SOFTEN:
                 self._apply(self.prepared.loops(self.guard))
