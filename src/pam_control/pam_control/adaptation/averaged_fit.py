@@ -64,7 +64,7 @@ from pam_control.adaptation.normal_equations import (
     worth,
 )
 from pam_control.adaptation.recursive_fit import DOUBTED
-from pam_model.plant.compiled import entry_point, for_kernel, listed
+from pam_model.plant.compiled import for_kernel, listed, shared_entry_point
 
 PIVOTS: Final = 6  # exchanges of what is at its bound; the last sets are nearly always right
 BELIEVED_FOR: Final = 0.25  # s of motion, for which the believed error counts
@@ -203,7 +203,7 @@ def fit_rivals(
         fitted[i] *= used
 
 
-@entry_point
+@shared_entry_point
 def take_rival_sample(
     value: float, duration: float, given: Any, state: Any, rows: Any, products: Any, rivals: Any,
     has: Any, penalties: Any, held: Any, solutions: Any, scratch: Any, functions: Any,

@@ -11,7 +11,7 @@ import numpy as np
 
 from pam_control.adaptation.normal_equations import N_SUMS, SHARE, UNSOLVED, dot
 from pam_control.adaptation.running_comparison import begin_comparison, compare, memory_of
-from pam_model.plant.compiled import for_kernel, listed, prepare
+from pam_model.plant.compiled import for_kernel, listed
 
 MEMORY: Final = 15.0  # s of motion or work, not of time
 
@@ -58,7 +58,6 @@ class ForgettingFit(ABC):
     def __init__(self, take: Callable[..., None]) -> None:
         self._take = take
         self.forget()
-        prepare(take, 0.0, 0.0, *self.rows)
 
     @abstractmethod
     def _begin(self) -> tuple[Any, ...]:

@@ -47,7 +47,7 @@ from pam_control.adaptation.normal_equations import (
     substitute,
     worth,
 )
-from pam_model.plant.compiled import entry_point, for_kernel
+from pam_model.plant.compiled import for_kernel, shared_entry_point
 
 DOUBTED: Final = 1e9  # times the penalty; such a weight is as good as 0
 
@@ -124,7 +124,7 @@ def solve_sums(given: Any, state: Any, rows: Any, products: Any, scratch: Any) -
         fitted[i] = used * found[i]
 
 
-@entry_point
+@shared_entry_point
 def take_sample(
     value: float, duration: float, given: Any, state: Any, rows: Any, products: Any, scratch: Any,
     functions: Any,
