@@ -81,9 +81,7 @@ class TunedPid:
 
 
 class _NoGuard(LoopGuard):
-    def judge(
-        self, time: float, telemetry: Any, tracking_time: float, means: Means
-    ) -> GuardAction:
+    def judge(self, time: float, telemetry: Any, tracking_time: float, means: Means) -> GuardAction:
         return GuardAction.NOTHING
 
 
