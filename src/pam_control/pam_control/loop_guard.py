@@ -78,7 +78,7 @@ MOST_STILL = 0.3
 GAP_MEMORY = 0.5  # s
 GROWN = 2.0  # of the first swings; smaller ones are less than what soft gains leave
 SLOW = 0.8  # of the crossover frequency, below which a loop swings only with friction or a tube
-PLACES, PEAKS = 4096, 1024
+PLACES, PEAKS = 8192, 1024
 """For how many cycles there is room at first of what `swing_watch` and `motion_watch` keep."""
 SOME_SWUNG, ALL_WELL = -2, -1
 """What `watch_joints` returns instead of the number of a joint."""
