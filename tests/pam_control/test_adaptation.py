@@ -20,8 +20,8 @@ from pam_control.adaptation.recursive_fit import RecursiveFit, Suspect
 from pam_control.adaptation.tube_pressure import pressure_behind_tube
 from pam_control.controller import Controller
 from pam_control.cycle.pressure_loops import PressureLoops
+from pam_control.cycle.valve_stage import command_valves, true_pressures
 from pam_control.feedback.stuck_integral import begin_sticking, given_back
-from pam_control.feedback.supply_reservoir import SupplyReservoir
 from pam_control.joint_models import JointModels
 from pam_control.references.trajectory import TrajectoryPoint
 from pam_control.rows.loop_rows import (
@@ -321,7 +321,7 @@ class Valve:
     """What is learnt of one valve, with the rows of its loop."""
 
     def __init__(self, full: float) -> None:
-        self.numbers, self.state = [0.0] * N_NUMBERS, [0.0] * N_STATE
+        self.numbers, self.state = (for_kernel(np.zeros(n)) for n in (N_NUMBERS, N_STATE))
         self.numbers[N_FULL] = full
         self.adaptation = FlowAdaptation(self.numbers, self.state, SUPPLY)
 
@@ -428,14 +428,19 @@ def test_a_muscle_that_is_empty_or_at_the_supply_does_not_end_the_control_loop(r
     """The open valve has no flow there, of which a share could be learnt."""
     robot = compose(rig)
     joints = [JointModels.of(robot, robot.joints[0], 0.0)]
-    numbers = for_kernel(joint_numbers(robot))
-    loops = PressureLoops(robot, joints, MuscleTable.of(robot), SupplyReservoir(robot), numbers)
+    table, constants = MuscleTable.of(robot), for_kernel(joint_numbers(robot))
+    loops = PressureLoops(robot, joints, table, constants)
+    rows, commands = (table.owners, constants, loops.numbers), [math.nan] * 2
     loops.use(0, ControlSettings(pressure_gain=15.0, lead_ratio=0.4), True, 0.005)
     rate = 1e5 if pressure else -1e5
     for cycle in range(50):
         wanted = pressure + math.copysign(1e4 * (cycle % 7), rate)
-        loops.read([pressure, pressure], STEP)
+        true_pressures(*rows, loops.state, loops.demands, [pressure, pressure], STEP)
         for demand in loops.demands:
             demand[D_REFERENCE], demand[D_RATE], demand[D_SPEED] = wanted, rate, 0.3
-        commands, _ = loops.command(0.0, STEP)
+        command_valves(
+            *rows, loops.inverses, loops.settings, loops.state, loops.demands,
+            robot.supply.pressure, 0.0, STEP, commands,
+        )  # fmt: skip
+        loops.learn()
         assert all(-1.0 <= command <= 1.0 for command in commands)

@@ -24,6 +24,7 @@ from pam_control.adaptation.torque_adaptation import (
     take_torque,
 )
 from pam_control.rows.plan_rows import N_LEARNING, N_MEMORY, N_PLAN, Y_STIFFNESS
+from pam_model.plant.compiled import for_kernel
 
 NOISE = 0.05
 
@@ -94,9 +95,13 @@ PULLS = 20.0  # N m, of both muscles without their signs
 STROKE = 0.05 * LARGEST  # N m of friction
 
 
+def zeros(count):
+    return for_kernel(np.zeros(count))
+
+
 def after_one_stroke(torque):
     """The fit of a joint's torques after one smooth stroke of 0.4 rad in 0.6 s."""
-    learnt = TorqueAdaptation([0.0] * N_PLAN, [0.0] * N_LEARNING, 0.05, 0.25, LARGEST)._fit
+    learnt = TorqueAdaptation(zeros(N_PLAN), zeros(N_LEARNING), 0.05, 0.25, LARGEST)._fit
     memory, step = [0.0] * N_MEMORY, 0.01
     begin_memory(memory, 0)
     for k in range(60):
@@ -129,7 +134,7 @@ def test_viscosity_is_no_dry_friction_after_the_first_stroke():
 @pytest.mark.parametrize("place", [ZERO, GRIP])
 def test_a_false_sensor_is_no_viscosity_when_a_joint_is_taken_over(place):
     """The muscles are stiffened while the joint hardly moves; the error grows with their force."""
-    learnt = TorqueAdaptation([0.0] * N_PLAN, [0.0] * N_LEARNING, 0.05, 0.25, LARGEST)._fit
+    learnt = TorqueAdaptation(zeros(N_PLAN), zeros(N_LEARNING), 0.05, 0.25, LARGEST)._fit
     memory, step = [0.0] * N_MEMORY, 0.01
     begin_memory(memory, 0)
     for k in range(100):
@@ -208,7 +213,7 @@ def test_functions_of_the_law_have_to_explain_more_than_noise_by_chance():
 @pytest.mark.parametrize(("load", "friction"), [(0.0, 0.5), (0.5, 0.0), (0.4, 0.3)])
 def test_the_rest_after_a_take_over_tells_a_load_from_friction(load, friction):
     """One stroke in one direction alone has 0.18 N m of a friction of 0.5 N m as a load."""
-    y, row, step = [0.0] * N_PLAN, [0.0] * N_LEARNING, 0.002
+    y, row, step = zeros(N_PLAN), zeros(N_LEARNING), 0.002
     inertia, damping = 0.05, 0.25
     learnt = TorqueAdaptation(y, row, inertia, damping, LARGEST)
     y[Y_STIFFNESS] = STIFF

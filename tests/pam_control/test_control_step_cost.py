@@ -7,8 +7,8 @@ import sys
 from functools import partial
 from statistics import median, quantiles
 
-from pam_control.adaptation.normal_equations import UNSOLVED
-from pam_control.adaptation.recursive_fit import RecursiveFit
+from pam_control.adaptation import varied_joint
+from pam_control.adaptation.normal_equations import SEEN, UNSOLVED
 from pam_control.control_step import Measurement
 from pam_control.controller import Controller
 from pam_control.settings import ControlSettings
@@ -21,9 +21,15 @@ MOST = 650
 when this was written, and 809 before the cycle was made cheaper."""
 
 
-def steps_of_a_stream(rig, cycles):
-    """Steps while all joints follow a stream, each a function without arguments."""
+def steps_of_a_stream(rig, cycles, states=None):
+    """Steps while all joints follow a stream, each a function without arguments.
+
+    To `states` are added those of the fits of the valves.
+    """
     controller, now = Controller(rig, ControlSettings()), 1.0
+    flows = [loop.adaptation for channel in controller.channels for loop in channel.loops]
+    if states is not None:
+        states += [fit.rows[1] for flow in flows for fit in (flow._fit, flow.tube.fit)]
     joints = len(rig.joints)
     for cycle in range(cycles):
         now += PERIOD
@@ -51,11 +57,13 @@ def test_a_cycle_of_one_joint_makes_few_calls(rig):
 
 def test_no_cycle_builds_more_than_one_model(rig, monkeypatch):
     """The derivatives of the stiffness need eight models: 1.5 ms of a cycle of 2 ms, in one go."""
-    built, from_robot = [], JointStatics.from_robot
+    built = []
     steps = steps_of_a_stream(rig, 1000)
     next(steps)()  # makes the controller and its models
     monkeypatch.setattr(
-        JointStatics, "from_robot", lambda *given, **named: built.append(1) or from_robot(*given)
+        varied_joint,
+        "JointStatics",
+        lambda *given, **named: built.append(1) or JointStatics(*given, **named),
     )
     counts = []
     for step in steps:
@@ -88,20 +96,16 @@ def test_no_cycle_does_much_more_than_the_others(rig):
     assert max(counts) < 3.0 * usual
 
 
-def test_joints_take_turns_with_what_they_learn(two_joint_rig, monkeypatch):
+def test_joints_take_turns_with_what_they_learn(two_joint_rig):
     """Two joints and four valves solve ten fits; in one cycle, seven joints would need 5 ms."""
-    solved, update = [], RecursiveFit.update
-
-    def counted(fit, *sample):
-        update(fit, *sample)
-        if fit._state[UNSOLVED] == 0.0:
-            solved.append(1)
-
-    monkeypatch.setattr(RecursiveFit, "update", counted)
-    counts = []
-    for step in steps_of_a_stream(two_joint_rig, 500):
-        before = len(solved)
+    states = []
+    steps, counts = steps_of_a_stream(two_joint_rig, 500, states), []
+    for step in steps:
+        before = [float(state[SEEN]) for state in states]
         assert step().commands is not None
-        counts.append(len(solved) - before)
+        sampled = zip(states, before, strict=True)
+        solved = [s for s, seen in sampled if s[SEEN] != seen and s[UNSOLVED] == 0.0]
+        counts.append(len(solved))
+    assert len(states) == 8
     assert sum(counts) > 50
     assert max(counts) <= 3  # a valve solves two, for its flow and for a tube

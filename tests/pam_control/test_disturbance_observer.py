@@ -163,9 +163,10 @@ def test_the_node_publishes_the_disturbance_of_the_joints_that_have_an_observer(
     topics = ControllerTopics(node, rig, 1)
     rest = SimpleNamespace(position=0.0, velocity=0.0)
     quiet = SimpleNamespace(reference=rest, torque=0.0, error=0.0, disturbance=math.nan)
-    topics.publish(1_000, [quiet])
+    topics.publish(1_000, SimpleNamespace(telemetry=[quiet]))
     assert "~/disturbance" not in sent
-    topics.publish(2_000, [SimpleNamespace(**{**vars(quiet), "disturbance": -1.5})])
+    observed = SimpleNamespace(**{**vars(quiet), "disturbance": -1.5})
+    topics.publish(2_000, SimpleNamespace(telemetry=[observed]))
     said = serialization.deserialize_message(sent["~/disturbance"], messages.JointState)
     assert list(said.name) == ["elbow"]
     assert list(said.effort) == [-1.5]

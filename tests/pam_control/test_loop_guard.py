@@ -10,8 +10,18 @@ import pytest
 
 from pam_control.control_step import Measurement
 from pam_control.controller import Controller
-from pam_control.feedback.motion_watch import OscillationWatch, TrackingWatch
+from pam_control.feedback.motion_watch import (
+    LOST,
+    NOTHING,
+    begin_oscillation,
+    begin_tracking,
+    is_lost,
+    watch_oscillation,
+    what_was_found,
+)
 from pam_control.loop_guard import LoopGuard
+from pam_control.plan_memory import Rings
+from pam_control.rows.watch_rows import B_FOUND, B_LARGEST_ERROR, B_LARGEST_SPEED, N_WATCH
 from pam_control.settings import ControlSettings
 from pam_model.plant.parameters import PlantParameters
 from pam_model.plant.simulate import Plant
@@ -182,9 +192,26 @@ def test_a_stop_is_latched_until_the_next_vent(rig):
     assert controller.step(1.0, Measurement(*measured, 1.0, 1.0)).commands is not None
 
 
+class SpeedWatch:
+    """Watches the speed of one joint, of at most 6 rad/s."""
+
+    def __init__(self):
+        self._row, self._peaks = [0.0] * N_WATCH, Rings(1, 2)
+        self._row[B_LARGEST_SPEED] = 6.0
+        begin_oscillation(self._row, self._peaks.ends[0])
+
+    def update(self, time, reference_speed, speed):
+        """What is found, in words."""
+        self._peaks.make_room()
+        peaks, ends = self._peaks.rows[0], self._peaks.ends[0]
+        found = watch_oscillation(self._row, peaks, ends, time, reference_speed, speed)
+        self._row[B_FOUND] = found
+        return "" if found == NOTHING else what_was_found(self._row, time, 0.0, speed)
+
+
 def oscillation(growth, frequency=4.0, amplitude=0.3, reference=0.0):
     """Time of the verdict on an oscillation of the speed whose peaks grow by `growth`; or None."""
-    watch = OscillationWatch(6.0)
+    watch = SpeedWatch()
     for cycle in range(1000):
         time = 0.002 * cycle
         size = amplitude * growth ** (2.0 * frequency * time)
@@ -219,7 +246,7 @@ def test_errors_that_are_small_beside_the_motion_are_no_oscillation():
 @pytest.mark.parametrize("phase", [30.0, 60.0, 90.0])
 @pytest.mark.parametrize("frequency", [0.5, 1.0, 2.0])
 def test_a_joint_that_lags_behind_a_fast_reference_does_not_oscillate(frequency, phase):
-    watch = OscillationWatch(6.0)
+    watch = SpeedWatch()
     for cycle in range(2000):
         angle = 2.0 * math.pi * frequency * 0.002 * cycle
         speeds = 3.0 * math.cos(angle), 3.0 * math.cos(angle - math.radians(phase))
@@ -227,7 +254,7 @@ def test_a_joint_that_lags_behind_a_fast_reference_does_not_oscillate(frequency,
 
 
 def test_an_oscillation_is_seen_during_a_fast_reference():
-    watch = OscillationWatch(6.0)
+    watch = SpeedWatch()
     for cycle in range(1000):
         time = 0.002 * cycle
         carried = 2.5 * math.cos(2.0 * math.pi * 1.5 * time)
@@ -238,18 +265,20 @@ def test_an_oscillation_is_seen_during_a_fast_reference():
 
 
 def test_a_joint_that_is_nearly_too_fast_without_a_reason_is_told_at_once():
-    assert "5 rad/s" in OscillationWatch(6.0).update(0.0, 0.0, 5.0)
-    assert "5 rad/s" in OscillationWatch(6.0).update(0.0, 2.0, 5.0)
+    assert "5 rad/s" in SpeedWatch().update(0.0, 0.0, 5.0)
+    assert "5 rad/s" in SpeedWatch().update(0.0, 2.0, 5.0)
 
 
 def test_the_overshoot_of_a_fast_step_is_no_reason_for_an_alarm():
-    assert OscillationWatch(6.0).update(0.0, 3.3, 5.0) == ""
+    assert SpeedWatch().update(0.0, 3.3, 5.0) == ""
 
 
 def test_a_short_tracking_error_is_borne_and_a_lasting_one_is_not():
-    watch = TrackingWatch(0.2)
-    assert watch.update(0.0, 0.5, 0.3) == ""
-    assert watch.update(0.2, 0.1, 0.3) == ""
-    assert watch.update(0.3, -0.5, 0.3) == ""
-    assert watch.update(0.5, -0.5, 0.3) == ""
-    assert "for 0.30 s" in watch.update(0.6, -0.5, 0.3)
+    row = [0.0] * N_WATCH
+    row[B_LARGEST_ERROR] = 0.2
+    begin_tracking(row)
+    for time, error in ((0.0, 0.5), (0.2, 0.1), (0.3, -0.5), (0.5, -0.5)):
+        assert not is_lost(row, time, error, 0.3)
+    assert is_lost(row, 0.6, -0.5, 0.3)
+    row[B_FOUND] = LOST
+    assert "for 0.30 s" in what_was_found(row, 0.6, -0.5, 0.0)

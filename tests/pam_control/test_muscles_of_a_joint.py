@@ -17,7 +17,15 @@ from pam_control.cycle.joint_cycle import (
     settle,
 )
 from pam_control.laws.position_plan import last_to_act, planned
-from pam_control.rows.loop_rows import D_AHEAD, D_POSITION, D_RATE, D_REFERENCE, N_DEMAND
+from pam_control.rows.loop_rows import (
+    D_AHEAD,
+    D_CUT,
+    D_POSITION,
+    D_RATE,
+    D_REFERENCE,
+    N_DEMAND,
+    V_TUBE,
+)
 from pam_control.rows.plan_rows import (
     N_CYCLE,
     N_MUSCLE,
@@ -30,6 +38,7 @@ from pam_control.rows.plan_rows import (
     W_SHIFT,
     X_SEEN,
 )
+from pam_control.rows.telemetry_rows import Z_PRESSURES, Z_TUBES, Z_VALVE_CUT
 from pam_model.plant.compiled import for_kernel
 
 REACHED = {1: [2e5], 2: [2e5, 1e5], 3: [2e5, 1e5, 3e5], 4: [2e5, 1e5, 3e5, 2.5e5]}
@@ -66,10 +75,13 @@ def test_each_muscle_gets_its_own_pressure(muscles: int) -> None:
 def test_any_of_its_valves_may_be_limited_or_the_last_to_act(muscles: int) -> None:
     owned = for_kernel(np.arange(muscles, dtype=np.int64)[None])
     for chosen in range(muscles):
-        w, k, cut = rows(muscles, N_MUSCLE), rows(1, N_STATE), rows(muscles)
-        w[chosen][W_ACTS] = 0.01
-        assert last_to_act(w) == chosen
+        w, k, d = rows(1, muscles, N_MUSCLE), rows(1, N_STATE), rows(muscles, N_DEMAND)
+        v, z = rows(muscles, V_TUBE + 1), rows(1, Z_PRESSURES + muscles)
+        w[0][chosen][W_ACTS], w[0][chosen][W_DESIRED] = 0.01, 2e5
+        assert last_to_act(w[0]) == chosen
         for is_cut in (0.0, 1.0):
-            cut[chosen] = is_cut
-            settle(owned, rows(1, N_CYCLE), k, rows(1, U_SCHEDULE), cut, 0.002, False)
-            assert k[0][K_VALVE_LIMITED] == is_cut
+            d[chosen][D_CUT], v[chosen][V_TUBE] = is_cut, 0.3 * is_cut
+            x, u = rows(1, N_CYCLE), rows(1, U_SCHEDULE)
+            settle(owned, w, x, k, u, v, d, z, 0.002, False)
+            assert k[0][K_VALVE_LIMITED] == z[0][Z_VALVE_CUT] == z[0][Z_TUBES] == is_cut
+            assert z[0][Z_PRESSURES + chosen] == 2e5

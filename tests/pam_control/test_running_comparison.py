@@ -4,21 +4,23 @@ import numpy as np
 import pytest
 
 from pam_control.adaptation.averaged_fit import AveragedFit, Rival
+from pam_control.adaptation.forgetting_fit import new_state
+from pam_control.adaptation.normal_equations import SHARE
 from pam_control.adaptation.recursive_fit import RecursiveFit
-from pam_control.adaptation.running_comparison import WINDOW, RunningComparison
+from pam_control.adaptation.running_comparison import WINDOW, compare, memory_of
 
 STEP = 0.01  # s
 TRIFLE = 0.01
 
 
 def compared(true_share, seconds, noise=0.0, size=1.0):
-    """A comparison of expectations of which a share comes true."""
-    random, comparison = np.random.default_rng(3), RunningComparison(TRIFLE)
+    """The share by a comparison of expectations of which a share comes true."""
+    random, state = np.random.default_rng(3), new_state()
     for _ in range(round(seconds / STEP)):
         expected = size * random.standard_normal()
         value = true_share * expected + noise * random.standard_normal()
-        comparison.update(expected, value, STEP)
-    return comparison.share
+        compare(state, TRIFLE, expected, value, STEP)
+    return state[SHARE]
 
 
 @pytest.mark.parametrize(
@@ -29,7 +31,7 @@ def test_the_share_is_what_has_helped_within_what_can_help(true_share, share):
 
 
 def test_before_anything_was_expected_and_for_trifles_nothing_is_taken_back():
-    assert RunningComparison(TRIFLE).share == 1.0
+    assert new_state()[SHARE] == 1.0
     assert compared(0.0, 2.0, size=0.1 * TRIFLE) > 0.95
 
 
@@ -38,11 +40,11 @@ def test_noise_takes_little_back():
 
 
 def test_the_memory_shrinks_with_the_share_and_never_to_nothing():
-    comparison = RunningComparison(TRIFLE)
-    assert comparison.memory(15.0) == 15.0
+    state = new_state()
+    assert memory_of(state, 15.0) == 15.0
     for _ in range(300):
-        comparison.update(1.0, 0.0, STEP)
-    assert 2.0 * WINDOW < comparison.memory(15.0) < 1.0
+        compare(state, TRIFLE, 1.0, 0.0, STEP)
+    assert 2.0 * WINDOW < memory_of(state, 15.0) < 1.0
 
 
 def averaged():

@@ -196,7 +196,7 @@ def test_a_cycle_does_a_part_of_the_work_and_the_whole_is_the_same(rig):
     spread, parts, true = estimates_of(rig, 0.002, 4000)
     at_once, *_ = estimates_of(rig, 0.02, 400)
     assert max(parts) == 1
-    assert sum(parts) > 100  # the derivatives were taken anew, more than once
+    assert sum(parts) > 60  # the derivatives were taken anew, more than once
     for each in (spread, at_once):
         found = each.at((2.5e5, 2e5), 0.1)
         assert found.learnt

@@ -7,13 +7,31 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pam_control.control_step import JointTelemetry, MeasuredMotion
 from pam_control.controller import Controller
-from pam_control.feedback.swing_watch import Reversals, SwingWatch
+from pam_control.feedback.swing_watch import (
+    begin_swings,
+    last_swings,
+    reference_changes,
+    watch_swings,
+)
 from pam_control.loop_guard import PAUSE, GuardAction, LoopGuard, Means
-from pam_control.references.spline import JointReference
+from pam_control.plan_memory import Rings
 from pam_control.references.trajectory import TrajectoryPoint
+from pam_control.rows.telemetry_rows import (
+    Z_DRIVEN,
+    Z_ERROR,
+    Z_POSITION,
+    Z_PRESSURES,
+    Z_REFERENCE,
+    Z_REFERENCE_SPEED,
+    Z_SPEED,
+    Z_TUBES,
+    Z_UNEXPLAINED,
+    Z_YIELDS,
+)
+from pam_control.rows.watch_rows import N_WATCH
 from pam_control.settings import ControlSettings
+from pam_model.plant.compiled import for_kernel
 from pam_model.robot import compose
 
 PERIOD = 0.002
@@ -31,19 +49,23 @@ def told(
     of the reference, `torque` what the muscles have beside the model [N m] at a velocity of the
     joint [rad/s].
     """
-    random, watch, reversals = np.random.default_rng(1), SwingWatch(), Reversals()
+    random, places, watch = np.random.default_rng(1), Rings(1, 3), [0.0] * N_WATCH
+    begin_swings(watch, places.ends[0])
     target, before = 0.0, 0.0  # rad
     for k in range(round(seconds / PERIOD)):
         time = k * PERIOD
         seen = step * round((error(time) + noise * random.standard_normal()) / step)
         velocity, acceleration = motion(time)
-        changes = reversals.update(velocity, acceleration)
+        changes = reference_changes(watch, velocity, acceleration)
         target += velocity * PERIOD
-        rests = velocity == 0.0 and acceleration == 0.0
+        rests = float(velocity == 0.0 and acceleration == 0.0)
         true = target - error(time)
         beside, before = torque(time, (true - before) / PERIOD), true
-        what = watch.update(time, seen, target - seen, changes, rests, beside)
-        if what:
+        places.make_room()
+        row, ends = places.rows[0], places.ends[0]
+        if watch_swings(watch, row, ends, time, seen, target - seen, changes, rests, beside) and (
+            what := last_swings(watch, row, ends)
+        ):
             return time, what
     return None
 
@@ -276,6 +298,26 @@ def test_a_loop_without_one_is_not(closed_loop, rig, reaching):
     assert controller.guard.lowered == 0
 
 
+def telemetry(**numbers):
+    """The row of one joint; 0 for what is not given, and NaN for the torque beside the model."""
+    row = [0.0] * Z_PRESSURES
+    row[Z_UNEXPLAINED] = math.nan
+    for name, number in numbers.items():
+        row[PLACES[name]] = number
+    return row
+
+
+PLACES = {
+    "reference": Z_REFERENCE, "reference_speed": Z_REFERENCE_SPEED, "position": Z_POSITION,
+    "speed": Z_SPEED, "error": Z_ERROR, "tubes": Z_TUBES, "unexplained": Z_UNEXPLAINED,
+    "yields": Z_YIELDS, "driven": Z_DRIVEN,
+}  # fmt: skip
+
+
+def judged(guard, time, rows, means):
+    return guard.judge(time, for_kernel(np.array(rows)), 0.3, means)
+
+
 def swinging(
     guard, behind_tube=0, steps=2, size=lambda time: 6e-3, hertz=5.0, speed=0.0, torque=math.nan
 ):
@@ -284,12 +326,11 @@ def swinging(
     for k in range(round(8.0 / PERIOD)):
         time = k * PERIOD
         error = 0.5 * size(time) * np.sin(2.0 * np.pi * hertz * time)
-        reference = JointReference(speed * time, speed)
-        motion = MeasuredMotion(reference.position - error, speed, time)
-        joint = JointTelemetry(
-            reference, motion, error, behind_tube=behind_tube, unexplained=torque
-        )
-        verdict = guard.judge(time, [joint], 0.3, means)
+        joint = telemetry(
+            reference=speed * time, reference_speed=speed, position=speed * time - error,
+            speed=speed, error=error, tubes=behind_tube, unexplained=torque,
+        )  # fmt: skip
+        verdict = judged(guard, time, [joint], means)
         if verdict is not GuardAction.NOTHING:
             asked.append((time, verdict))
         if verdict is GuardAction.STOP:
@@ -323,6 +364,16 @@ def test_swings_slower_than_the_loop_come_from_outside_and_leave_the_gains(rig):
     assert "outside torque" in guard.swings
 
 
+@pytest.mark.parametrize("whose", ["yields", "driven"])
+def test_the_swings_of_a_joint_that_others_move_are_not_watched(rig, whose):
+    guard = LoopGuard(compose(rig).joints)
+    for k in range(4000):
+        error = 3e-3 * np.sin(2.0 * np.pi * 5.0 * k * PERIOD)
+        joint = telemetry(position=-error, error=error, **{whose: 1.0})
+        assert judged(guard, k * PERIOD, [joint], Means(True, 2, [14.0])) is GuardAction.NOTHING
+    assert guard.swings == ""
+
+
 def test_another_cause_is_told_after_somebody_has_pushed(rig):
     """The gains were lowered without a word, since swings had been told before."""
     guard = LoopGuard(compose(rig).joints)
@@ -341,9 +392,8 @@ def test_the_swings_of_every_joint_are_told(rig):
         time, joints = k * PERIOD, []
         for begins, hertz in ((0.0, 1.0), (4.0, 0.8)):
             error = 3e-3 * np.sin(2.0 * np.pi * hertz * time) * (time >= begins)
-            motion = MeasuredMotion(-error, 0.0, time)
-            joints.append(JointTelemetry(JointReference(0.0), motion, error))
-        guard.judge(time, joints, 0.3, Means(True, 2, [14.0, 14.0]))
+            joints.append(telemetry(position=-error, error=error))
+        judged(guard, time, joints, Means(True, 2, [14.0, 14.0]))
     assert re.findall(r"(\w+): the joint swings", guard.swings) == ["elbow", "wrist"]
 
 
@@ -377,9 +427,8 @@ def test_an_oscillation_is_told_with_its_likely_cause(rig):
         time = k * PERIOD
         size = 1e-3 * np.exp(4.0 * time)
         error = size * np.sin(omega * time)
-        motion = MeasuredMotion(-error, -size * omega * np.cos(omega * time), time)
-        joint = JointTelemetry(JointReference(0.0), motion, error)
-        if guard.judge(time, [joint], 0.3, means) is GuardAction.SOFTEN:
+        joint = telemetry(position=-error, speed=-size * omega * np.cos(omega * time), error=error)
+        if judged(guard, time, [joint], means) is GuardAction.SOFTEN:
             break
     assert "oscillates" in guard.softened
     assert "likely cause: a delay" in guard.softened

@@ -27,6 +27,7 @@ from pam_model.rig import Rig
 from pam_model.robot import compose
 
 STIFFNESS = 14.0
+STREAM = 0.2, 40.0  # time-out [s] and bandwidth [rad/s]
 LIMITS = MotionLimits(3.6, 200.0, 2.5, 50.0, 1200.0, jerk=2000.0)
 
 
@@ -115,7 +116,7 @@ def follow(target: JointReference, duration: float) -> np.ndarray:
     references.sources[0][R_HELD] = target.position
     rows = []
     for step in range(round(duration / 0.002)):
-        references.advance(step * 0.002, [])
+        references.advance(step * 0.002, step * 0.002, *STREAM, [])
         state = references.state(0)
         rows.append((state.position, state.velocity, state.acceleration))
     return np.array(rows)
@@ -157,7 +158,7 @@ def test_a_planned_reference_that_the_valves_can_follow_passes_unchanged() -> No
         )
 
     for step in range(500):
-        references.advance(step * 0.002, [(0, swing)])
+        references.advance(step * 0.002, step * 0.002, *STREAM, [(0, swing)])
         wanted, state = swing(step * 0.002), references.state(0)
         assert state.position == pytest.approx(wanted.position)
         assert state.velocity == pytest.approx(wanted.velocity)

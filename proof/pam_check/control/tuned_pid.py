@@ -38,7 +38,6 @@ from pam_check.control.closed_loop import (
     RunTrace,
     play,
 )
-from pam_control.control_step import JointTelemetry
 from pam_control.controller import Controller
 from pam_control.feedback.gain_schedule import GainSchedule
 from pam_control.feedback.kept_designs import KeptDesigns
@@ -83,13 +82,7 @@ class TunedPid:
 
 
 class _NoGuard(LoopGuard):
-    def judge(
-        self,
-        time: float,
-        joints: Sequence[JointTelemetry],
-        tracking_time: float,
-        means: Means,
-    ) -> GuardAction:
+    def judge(self, time: float, telemetry: Any, tracking_time: float, means: Means) -> GuardAction:
         return GuardAction.NOTHING
 
 

@@ -4,15 +4,32 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from itertools import compress
 from operator import attrgetter
 from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
 
 from pam_control.feedback.pid import PidGains
 from pam_control.joint_models import JointModels, PerMuscle
 from pam_control.learning.motion_learner import MotionLearner
 from pam_control.references.motion_limiter import MotionLimits
 from pam_control.references.spline import JointReference
+from pam_control.rows.telemetry_rows import (
+    Z_DRIVEN,
+    Z_ERROR,
+    Z_POSITION,
+    Z_PRESSURES,
+    Z_RATE_CUT,
+    Z_REFERENCE,
+    Z_TORQUE,
+    Z_TORQUE_CUT,
+    Z_TUBES,
+    Z_UNEXPLAINED,
+    Z_YIELDS,
+)
 from pam_control.settings import ControlSettings
 from pam_model.rig import Rig
 
@@ -169,7 +186,7 @@ class LawTelemetry(NamedTuple):
         Torque on the joint that its model does not explain [N m], observed or learnt; NaN if
         neither is asked for.
     clipped : tuple of str
-        What was limited: "torque", "stiffness"; the loop adds "pressure_rate", "valve".
+        What was limited: "torque", "stiffness".
     yields : bool
         Whether the law lets others move the joint: then an error is no fault.
     driven : bool
@@ -218,6 +235,10 @@ class PressurePlan:
     telemetry: LawTelemetry
 
 
+LAW_LIMITS, LOOP_LIMITS = ("torque", "stiffness"), ("pressure_rate", "valve")
+"""What may be limited by the law and by the loop, in the order of `telemetry_rows`."""
+
+
 class JointTelemetry(NamedTuple):
     """Telemetry of one joint from the last control step.
 
@@ -250,6 +271,24 @@ class JointTelemetry(NamedTuple):
     behind_tube: int = 0
     law: LawTelemetry = LawTelemetry()
     unexplained: float = math.nan
+
+    @classmethod
+    def of(cls, row: Sequence[float]) -> JointTelemetry:
+        """The telemetry of a row (`telemetry_rows`) of Python's own numbers."""
+        by_law, by_loop = row[Z_TORQUE_CUT:Z_RATE_CUT], row[Z_RATE_CUT:Z_TUBES]
+        torque, stiffness, reached, stiff, true, beside = row[Z_TORQUE:Z_UNEXPLAINED]
+        clipped = tuple(compress(LAW_LIMITS, by_law))
+        yields, driven = row[Z_YIELDS] > 0.0, row[Z_DRIVEN] > 0.0
+        return cls(
+            JointReference(*row[Z_REFERENCE:Z_POSITION]),
+            MeasuredMotion(*row[Z_POSITION:Z_ERROR]),
+            row[Z_ERROR],
+            tuple(row[Z_PRESSURES:]),
+            clipped + tuple(compress(LOOP_LIMITS, by_loop)),
+            int(row[Z_TUBES]),
+            LawTelemetry(torque, stiffness, reached, stiff, true, beside, clipped, yields, driven),
+            row[Z_UNEXPLAINED],
+        )
 
     @property
     def torque(self) -> float:
@@ -288,13 +327,18 @@ class ControlOutput:
         kind of valve; NaN for a muscle that belongs to no joint. None: send nothing.
     reason : str
         Why there are no commands; empty if there are.
-    joints : tuple of JointTelemetry
-        One for each joint; empty without commands.
+    rows : array or None
+        The telemetry of all joints (`telemetry_rows`); None without commands.
     """
 
     commands: PerMuscle | None
     reason: str = ""
-    joints: tuple[JointTelemetry, ...] = ()
+    rows: npt.NDArray[np.float64] | None = field(default=None, repr=False, compare=False)
+
+    @property
+    def joints(self) -> tuple[JointTelemetry, ...]:
+        """The telemetry of each joint; empty without commands."""
+        return () if self.rows is None else tuple(map(JointTelemetry.of, self.rows.tolist()))
 
 
 def missing_measurement(
@@ -319,23 +363,28 @@ def missing_measurement(
     oldest : float
         Largest age [s].
     """
+    positions, pressures = measurement.positions, measurement.pressures
+    if (  # a quick look; words only where something is wrong
+        len(positions) == len(rig.joints)
+        and len(pressures) == len(rig.muscles)
+        and time - measurement.position_time <= oldest
+        and time - measurement.pressure_time <= oldest
+        and math.isfinite(sum(positions) + sum(pressures))
+    ):
+        return ""
     for what, count, values, stamp in (
-        ("position", len(rig.joints), measurement.positions, measurement.position_time),
-        ("pressure", len(rig.muscles), measurement.pressures, measurement.pressure_time),
+        ("position", len(rig.joints), positions, measurement.position_time),
+        ("pressure", len(rig.muscles), pressures, measurement.pressure_time),
     ):
         if len(values) != count:
             return f"no {what} measured yet" if not values else f"{len(values)} {what}s"
         age = time - stamp
         if not age <= oldest:
             return f"{what}s are {age * 1e3:.0f} ms old, limit {oldest * 1e3:.0f} ms"
-    if all(map(math.isfinite, measurement.positions)) and all(
-        map(math.isfinite, measurement.pressures)
-    ):
-        return ""
-    for models, position in zip(joints, measurement.positions, strict=True):
+    for models, position in zip(joints, positions, strict=True):
         if not math.isfinite(position):
             return f"position of {models.name} is not available"
         for muscle, index in zip(models.muscles, models.joint.muscles, strict=True):
-            if not math.isfinite(measurement.pressures[index]):
+            if not math.isfinite(pressures[index]):
                 return f"pressure of {muscle.name} is not available"
     return ""

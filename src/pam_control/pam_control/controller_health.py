@@ -10,6 +10,7 @@ from typing import Any
 from pam_control.command_intake import CommandIntake
 from pam_control.controller import Controller
 from pam_control.driver_follower import DriverFollower
+from pam_control.rows.telemetry_rows import Z_ERROR, Z_TORQUE_CUT, Z_TUBES
 from pam_control.setting_changes import SettingChanges
 from pam_ros import diagnostics as health
 from pam_ros.periodic import Loop
@@ -60,11 +61,11 @@ class ControllerHealth:
         self._oldest = [max(pair) for pair in zip(self._oldest, ages, strict=True)]
         references = self._controller.references
         names = self._controller.rig.joint_names
-        telemetry = self._controller.telemetry
-        for counts, name, joint in zip(self._counts, names, telemetry, strict=True):
-            off = joint.error
+        rows = self._controller.telemetry_rows
+        for counts, name, row in zip(self._counts, names, rows, strict=True):
+            off = row[Z_ERROR]
             counts.cycles += 1
-            counts.clipped += bool(joint.clipped)
+            counts.clipped += any(row[Z_TORQUE_CUT:Z_TUBES])
             counts.limited += references.held_back(name)
             counts.squares += off * off
             counts.largest = max(counts.largest, abs(off))

@@ -30,7 +30,7 @@ from rclpy.node import Node
 
 from pam_control.actions.follow_trajectory import FollowTrajectory
 from pam_control.command_intake import CommandIntake
-from pam_control.control_step import JointTelemetry, Measurement
+from pam_control.control_step import Measurement
 from pam_control.controller_health import ControllerHealth
 from pam_control.controller_help import HELP
 from pam_control.controller_inputs import NodeSide
@@ -196,7 +196,7 @@ class ControllerNode(Node):  # type: ignore[misc]
         self.polled_topics = self._link.polled_topics
         self._measurement = Measurement((), (), -math.inf, -math.inf)
         # of this cycle: when commands were computed, since 1970 [ns], and what the joints followed
-        self._sent: tuple[int, Sequence[JointTelemetry]] | None = None
+        self._sent: int | None = None  # when the commands of this cycle were computed [ns]
         self.loop = make_loop(self._cycle, 1.0 / self.rate, "control", self.priority)
         self._follower = PhaseFollower(self.loop) if self._declared["loop.align"] else None
         gc.collect()
@@ -330,14 +330,14 @@ class ControllerNode(Node):  # type: ignore[misc]
             self.get_logger().warning(guard.swings)
         if commands is None:
             return
-        self._sent = sent_at, _ = time.time_ns(), output.joints
-        self._link.send(sent_at, commands)
+        self._sent = time.time_ns()
+        self._link.send(self._sent, commands)
         self._health.count((now - measurement.position_time, now - measurement.pressure_time))
 
     def publish(self) -> None:
         """The rest of a cycle: what observers hear of it."""
         if self._sent is not None:
-            self._topics.publish(*self._sent)
+            self._topics.publish(self._sent, self._controller)
 
     def _tell_guard(self, stopped: str, softened: str) -> None:
         if stopped:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from pam_control.control_step import JointTelemetry
+from pam_control.controller import Controller
 from pam_model.rig import Rig
 from pam_ros.joint_state_publisher import JointStatePublisher
 
@@ -32,27 +33,30 @@ class ControllerTopics:
         self._error = JointStatePublisher(node, "~/error", 1)
         self._disturbance = JointStatePublisher(node, "~/disturbance", 1)
 
-    def publish(self, stamp: int, telemetry: Sequence[JointTelemetry]) -> None:
+    def publish(self, stamp: int, controller: Controller) -> None:
         """Publish what one cycle followed, if it is its turn.
 
         Parameters
         ----------
         stamp : int
             When the commands of the cycle were computed, since 1970 [ns].
+        controller : Controller
+            Has the telemetry of the cycle.
         """
         self._cycles += 1
         if self._cycles % self._telemetry_every == 0:
-            self._publish_telemetry(stamp, telemetry)
+            outputs = (self._reference, self._error, self._disturbance)
+            if any(output.heard() for output in outputs):
+                self._publish_telemetry(stamp, controller.telemetry)
 
     def _publish_telemetry(self, stamp: int, telemetry: Sequence[JointTelemetry]) -> None:
-        if self._reference.heard():
-            self._reference.publish(
-                stamp,
-                self._joints,
-                [each.reference.position for each in telemetry],
-                [each.reference.velocity for each in telemetry],
-                [each.torque for each in telemetry],
-            )
+        self._reference.publish(
+            stamp,
+            self._joints,
+            [each.reference.position for each in telemetry],
+            [each.reference.velocity for each in telemetry],
+            [each.torque for each in telemetry],
+        )
         self._error.publish(stamp, self._joints, [each.error for each in telemetry])
         observed = {
             name: each.disturbance

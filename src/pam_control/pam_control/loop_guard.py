@@ -22,11 +22,54 @@ import math
 from collections import deque
 from collections.abc import Sequence
 from enum import Enum
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from pam_control.control_step import JointTelemetry
-from pam_control.feedback.motion_watch import OscillationWatch, TrackingWatch
-from pam_control.feedback.swing_watch import Reversals, Swings, SwingWatch
+import numpy as np
+
+from pam_control.feedback.motion_watch import (
+    FAST,
+    LOST,
+    NOTHING,
+    begin_oscillation,
+    begin_tracking,
+    is_fast,
+    is_lost,
+    is_violent,
+    watch_oscillation,
+    what_was_found,
+)
+from pam_control.feedback.swing_watch import (
+    CYCLE,
+    Swings,
+    begin_swings,
+    last_swings,
+    reference_changes,
+    watch_swings,
+)
+from pam_control.plan_memory import Rings
+from pam_control.rows.telemetry_rows import (
+    Z_DRIVEN,
+    Z_ERROR,
+    Z_POSITION,
+    Z_PRESSURES,
+    Z_REFERENCE_PUSH,
+    Z_REFERENCE_SPEED,
+    Z_SPEED,
+    Z_TUBES,
+    Z_UNEXPLAINED,
+    Z_YIELDS,
+)
+from pam_control.rows.watch_rows import (
+    B_FADES_UNTIL,
+    B_FOUND,
+    B_LARGEST_ERROR,
+    B_LARGEST_SPEED,
+    B_SWUNG,
+    B_TUBES,
+    N_WATCH,
+    SWINGS,
+)
+from pam_model.plant.compiled import entry_point, for_kernel, prepare
 from pam_model.robot import RobotJoint
 
 PAUSE = 0.6  # s after softening or a tube; what is under way with the old loops fades in this time
@@ -34,10 +77,14 @@ PAUSE = 0.6  # s after softening or a tube; what is under way with the old loops
 # because what one pause leaves has faded when the next one comes.
 MOST_STILL = 0.3
 GAP_MEMORY = 0.5  # s
-SMALL, FAST = 0.03, 6.0  # rad, Hz: lower gains are tried first against an oscillation like this;
+MILD, QUICK = 0.03, 6.0  # rad, Hz: lower gains are tried first against an oscillation like this;
 # a slower one is that of the pressure loops, which only soft gains end
 GROWN = 2.0  # of the first swings; smaller ones are less than what soft gains leave
 SLOW = 0.8  # of the crossover frequency, below which a loop swings only with friction or a tube
+PLACES, PEAKS = 8192, 1024
+"""For how many cycles there is room at first of what `swing_watch` and `motion_watch` keep."""
+SOME_SWUNG, ALL_WELL = -2, -1
+"""What `watch_joints` returns instead of the number of a joint."""
 
 
 class GuardAction(Enum):
@@ -71,6 +118,71 @@ class Means(NamedTuple):
     crossovers: Sequence[float]
 
 
+def swings_end(time: float, z: Any, b: Any, places: Any, ends: Any) -> bool:
+    """Watch the errors of all joints; return whether a swing of one, `B_SWUNG`, has ended."""
+    changes, rests, some = 0.0, 1.0, False
+    for i in range(len(z)):
+        velocity, acceleration = z[i][Z_REFERENCE_SPEED], z[i][Z_REFERENCE_PUSH]
+        changes += reference_changes(b[i], velocity, acceleration)
+        if velocity != 0.0 or acceleration != 0.0:
+            rests = 0.0
+    for i in range(len(z)):
+        b[i][B_SWUNG] = 0.0
+        # a joint that others move is not watched
+        if z[i][Z_YIELDS] == z[i][Z_DRIVEN] == 0.0 and watch_swings(
+            b[i], places[i], ends[i], time, z[i][Z_ERROR], z[i][Z_POSITION], changes, rests,
+            z[i][Z_UNEXPLAINED],
+        ):  # fmt: skip
+            b[i][B_SWUNG], some = 1.0, True
+    return some
+
+
+def watch_motion(z: Any, b: Any, peaks: Any, ends: Any, time: float, longest: float) -> int:
+    """Watch the error and the speed of a joint; return what is found."""
+    if is_lost(b, time, 0.0 if z[Z_YIELDS] > 0.0 else z[Z_ERROR], longest):
+        return LOST
+    speed, found = z[Z_SPEED], NOTHING
+    if z[Z_DRIVEN] == 0.0:
+        found = watch_oscillation(b, peaks, ends, time, z[Z_REFERENCE_SPEED], speed)
+    if z[Z_TUBES] > b[B_TUBES]:  # once for each muscle
+        b[B_TUBES], b[B_FADES_UNTIL] = z[Z_TUBES], time + PAUSE
+        begin_oscillation(b, ends)
+    if z[Z_DRIVEN] > 0.0 or time < b[B_FADES_UNTIL]:
+        found = FAST if is_fast(b, speed, 0.0) else NOTHING
+    return found
+
+
+@entry_point
+def watch_joints(
+    first: int, time: float, longest: float, z: Any, b: Any, places: Any, place_ends: Any,
+    peaks: Any, peak_ends: Any,
+) -> int:  # fmt: skip
+    """Watch the joints in a cycle.
+
+    Parameters
+    ----------
+    first : int
+        The first joint whose motion is watched; a negative one begins the cycle.
+    time, longest : float
+        Present time, and how long a tracking error may be above its limit [s].
+    z, b, places, place_ends, peaks, peak_ends : rows
+        Of all joints: telemetry and watches, and the rings of both watches.
+
+    Returns
+    -------
+    int
+        The next joint with which something is wrong, `B_FOUND`; or `SOME_SWUNG`, after which the
+        motions of all joints are still to be watched; or `ALL_WELL`.
+    """
+    if first < 0 and swings_end(time, z, b, places, place_ends):
+        return SOME_SWUNG
+    for i in range(max(first, 0), len(z)):
+        b[i][B_FOUND] = watch_motion(z[i], b[i], peaks[i], peak_ends[i], time, longest)
+        if b[i][B_FOUND] != NOTHING:
+            return i
+    return ALL_WELL
+
+
 class LoopGuard:
     """The watches of all joints.
 
@@ -90,18 +202,30 @@ class LoopGuard:
     """
 
     def __init__(self, joints: Sequence[RobotJoint]) -> None:
-        self._oscillation = [OscillationWatch(joint.max_velocity) for joint in joints]
-        self._tracking = [TrackingWatch(joint.max_tracking_error) for joint in joints]
-        self._swinging = [SwingWatch() for _ in joints]
-        self._reversals = [Reversals() for _ in joints]
+        count = len(joints)
+        self._watches = for_kernel(np.zeros((count, N_WATCH)))
+        self._places, self._peaks = Rings(count, 3, PLACES), Rings(count, 2, PEAKS)
+        for b, joint in zip(self._watches, joints, strict=True):
+            b[B_LARGEST_SPEED], b[B_LARGEST_ERROR] = joint.max_velocity, joint.max_tracking_error
         self._names = [joint.name for joint in joints]
         self._pause_until = self._swings_fade_until = -math.inf
         self._gaps: deque[tuple[float, float]] = deque()
-        self._tubes = [0 for _ in joints]  # muscles that were found to be behind one, by joint
-        self._fading_until = [-math.inf for _ in joints]
         self.softened = self.stopped = ""
         self._told: dict[tuple[str, Cause], str] = {}  # swings
         self.lowered, self._first_size = 0, math.inf  # the latter of the first swings, rad
+        self._forget_tubes()
+        self.restart()
+        telemetry = for_kernel(np.zeros((count, Z_PRESSURES)))
+        prepare(watch_joints, -1, 0.0, 0.0, telemetry, *self._rows())
+
+    def _rows(self) -> tuple[Any, ...]:
+        """The last arguments of `watch_joints`."""
+        places, peaks = self._places, self._peaks
+        return self._watches, places.rows, places.ends, peaks.rows, peaks.ends
+
+    def _forget_tubes(self) -> None:
+        for b in self._watches:
+            b[B_TUBES], b[B_FADES_UNTIL] = 0.0, -math.inf
 
     @property
     def swings(self) -> str:
@@ -115,15 +239,19 @@ class LoopGuard:
         self.lowered, self._first_size = 0, math.inf
         self._pause_until = self._swings_fade_until = -math.inf
         self._gaps.clear()
-        self._tubes = [0 for _ in self._names]
-        self._fading_until = [-math.inf for _ in self._names]
+        self._forget_tubes()
         self.restart()
 
     def restart(self) -> None:
         """The joints were taken over: what was seen before belongs to another motion."""
-        for watches in (self._oscillation, self._tracking, self._swinging):
-            for watch in watches:
-                watch.reset()
+        for b, ends in zip(self._watches, self._peaks.ends, strict=True):
+            begin_tracking(b)
+            begin_oscillation(b, ends)
+        self._forget_swings()
+
+    def _forget_swings(self) -> None:
+        for b, ends in zip(self._watches, self._places.ends, strict=True):
+            begin_swings(b, ends)
 
     def watch_gaps(self, time: float, gap: float, longest: float) -> str:
         """Stop a loop that stands still again and again; return why, or an empty text.
@@ -150,105 +278,88 @@ class LoopGuard:
             )
         return self.stopped
 
-    def _fades(self, index: int, time: float, found: int) -> bool:
-        """Whether the oscillation that a tube caused still fades; once for each muscle."""
-        if found > self._tubes[index]:
-            self._tubes[index], self._fading_until[index] = found, time + PAUSE
-            self._oscillation[index].reset()
-        return time < self._fading_until[index]
-
-    def judge(
-        self,
-        time: float,
-        joints: Sequence[JointTelemetry],
-        tracking_time: float,
-        means: Means,
-    ) -> GuardAction:
+    def judge(self, time: float, telemetry: Any, tracking_time: float, means: Means) -> GuardAction:
         """Judge the telemetry of a control cycle.
 
         Parameters
         ----------
         time : float
             Present time [s].
+        telemetry : rows
+            Of all joints (`telemetry_rows`).
         tracking_time : float
             How long a tracking error may be above its limit [s].
         means : Means
             What can be done.
         """
-        answer = self._answer_swings(time, joints, means)
-        if answer is not GuardAction.NOTHING:
-            return answer
-        for index, (joint, oscillation, tracking) in enumerate(
-            zip(joints, self._oscillation, self._tracking, strict=True)
-        ):
-            name, speed = self._names[index], joint.motion.velocity
-            error = 0.0 if joint.law.yields else joint.error
-            lost = tracking.update(time, error, tracking_time)
-            if lost:
-                self.stopped = f"{name}: {lost}"
-                return GuardAction.STOP
-            if joint.law.driven:
-                wild = oscillation.too_fast(speed)
-            else:
-                wild = oscillation.update(time, joint.reference.velocity, speed)
-            if self._fades(index, time, joint.behind_tube):
-                wild = oscillation.too_fast(speed)
-            if not wild or (time < self._pause_until and not self._grows(oscillation)):
-                continue
-            cycle = self._swinging[index].last_cycle()
-            if cycle is not None:
-                cause = _cause(cycle, joint.behind_tube, means.crossovers[index])
-                wild += f"; likely cause: {cause.value}"
-            if self.softened or not means.can_soften:
-                even = ", even with soft gains" if means.can_soften else ""
-                self.stopped = f"{name}: {wild}{even}"
-                return GuardAction.STOP
-            self._pause_until = time + PAUSE
-            mild = cycle is not None and cycle.size < SMALL and cycle.frequency > FAST
-            mild = mild and not oscillation.is_violent
-            self.restart()
-            if mild and self.lowered < means.steps:
-                self.lowered += 1
-                self._told.setdefault((name, Cause.DELAY), f"{name}: {wild}")
-                return GuardAction.LOWER
-            self.softened = f"{name}: {wild}"
-            return GuardAction.SOFTEN
+        self._places.make_room()
+        self._peaks.make_room()
+        rows = (time, tracking_time, telemetry, *self._rows())
+        found = watch_joints(-1, *rows)
+        if found == SOME_SWUNG:
+            answer = self._answer_swings(time, telemetry, means)
+            if answer is not GuardAction.NOTHING:
+                return answer
+            found = watch_joints(0, *rows)
+        while found != ALL_WELL:
+            answer = self._answer_motion(found, time, telemetry[found], means)
+            if answer is not GuardAction.NOTHING:
+                return answer
+            found = watch_joints(found + 1, *rows)
         return GuardAction.NOTHING
 
-    def _grows(self, oscillation: OscillationWatch) -> bool:
-        """Whether an oscillation becomes violent although gains were lowered."""
-        return self.lowered > 0 and not self.softened and oscillation.is_violent
+    def _answer_motion(self, joint: int, time: float, z: Any, means: Means) -> GuardAction:
+        """What has to be done against what was found of the motion of a joint."""
+        b, name = self._watches[joint], self._names[joint]
+        wild = what_was_found(b, time, z[Z_ERROR], z[Z_SPEED])
+        if b[B_FOUND] == LOST:
+            self.stopped = f"{name}: {wild}"
+            return GuardAction.STOP
+        grows = self.lowered > 0 and not self.softened and is_violent(b)
+        if time < self._pause_until and not grows:
+            return GuardAction.NOTHING
+        cycle = self._seen(joint, CYCLE)
+        if cycle is not None:
+            cause = _cause(cycle, z[Z_TUBES] > 0.0, means.crossovers[joint])
+            wild += f"; likely cause: {cause.value}"
+        if self.softened or not means.can_soften:
+            even = ", even with soft gains" if means.can_soften else ""
+            self.stopped = f"{name}: {wild}{even}"
+            return GuardAction.STOP
+        self._pause_until = time + PAUSE
+        mild = cycle is not None and cycle.size < MILD and cycle.frequency > QUICK
+        mild = mild and not is_violent(b)
+        self.restart()
+        if mild and self.lowered < means.steps:
+            self.lowered += 1
+            self._told.setdefault((name, Cause.DELAY), f"{name}: {wild}")
+            return GuardAction.LOWER
+        self.softened = f"{name}: {wild}"
+        return GuardAction.SOFTEN
 
-    def _answer_swings(
-        self, time: float, joints: Sequence[JointTelemetry], means: Means
-    ) -> GuardAction:
+    def _seen(self, joint: int, count: int) -> Swings | None:
+        """The oscillation that the last swings of a joint are of."""
+        places = self._places
+        return last_swings(self._watches[joint], places.rows[joint], places.ends[joint], count)
+
+    def _answer_swings(self, time: float, telemetry: Any, means: Means) -> GuardAction:
         """Tell small swings, and what has to be done against them."""
-        changes, rests = 0, True
-        for reversals, joint in zip(self._reversals, joints, strict=True):
-            velocity, acceleration = joint.reference.velocity, joint.reference.acceleration
-            changes += reversals.update(velocity, acceleration)
-            rests = rests and velocity == 0.0 and acceleration == 0.0
         verdict = GuardAction.NOTHING
-        for name, joint, watch, crossover in zip(
-            self._names, joints, self._swinging, means.crossovers, strict=True
-        ):
-            if joint.law.yields or joint.law.driven:  # others move it
+        if time < max(self._pause_until, self._swings_fade_until):
+            return verdict
+        for joint, (name, z) in enumerate(zip(self._names, telemetry, strict=True)):
+            if self._watches[joint][B_SWUNG] == 0.0:
                 continue
-            seen = watch.update(
-                time, joint.error, joint.motion.position, changes, rests, joint.unexplained
-            )
-            if seen is None or time < max(self._pause_until, self._swings_fade_until):
-                continue
-            if verdict is GuardAction.NOTHING:
-                cause = _cause(seen, joint.behind_tube, crossover)
+            seen = self._seen(joint, SWINGS)
+            if seen is not None and verdict is GuardAction.NOTHING:
+                cause = _cause(seen, z[Z_TUBES] > 0.0, means.crossovers[joint])
                 told = f"{name}: {_told(seen, cause)}"
                 self._told.setdefault((name, cause), told)
                 if cause is not Cause.OUTSIDE and (cause not in FRICTION or seen.rests):
                     verdict = self._answer(told, seen, means)
         if verdict is GuardAction.LOWER:  # the other watches go on
             self._swings_fade_until = time + PAUSE
-            for watch in self._swinging:
-                watch.reset()
+            self._forget_swings()
         elif verdict is GuardAction.SOFTEN:
             self._pause_until = time + PAUSE
             self.restart()
@@ -271,7 +382,7 @@ class LoopGuard:
         return GuardAction.SOFTEN
 
 
-def _cause(seen: Swings, behind_tube: int, crossover: float) -> Cause:
+def _cause(seen: Swings, behind_tube: bool, crossover: float) -> Cause:
     """The likely cause of swings, in a loop with this crossover frequency [rad/s]."""
     if behind_tube:
         return Cause.TUBE

@@ -1,4 +1,4 @@
-"""Rows at increasing times: what a feedforward has planned, and what the sensors have measured.
+"""Rows at increasing times: what a feedforward has planned, or what the sensors have measured.
 
 The measured pressures are compared with the plan for the time at which they were true, and the
 valves follow the plan for the time at which they act. Rows are kept by age, not by number, because
@@ -161,6 +161,8 @@ class Rings:
     ----------
     joints, fields : int
         How many rings, and numbers in a row.
+    size : int, optional
+        Rows for which there is room at first.
 
     Attributes
     ----------
@@ -168,8 +170,8 @@ class Rings:
         What the compiled functions take: (joints, size, fields) and (joints, 2).
     """
 
-    def __init__(self, joints: int, fields: int) -> None:
-        self.rows = for_kernel(np.zeros((joints, FIRST_SIZE, fields)))
+    def __init__(self, joints: int, fields: int, size: int = FIRST_SIZE) -> None:
+        self.rows = for_kernel(np.zeros((joints, size, fields)))
         self.ends = for_kernel(np.zeros((joints, 2), dtype=np.int64))
         self._room = 0  # rows for which there is room in each ring, at least
 

@@ -43,7 +43,12 @@ from typing import Any, Final
 
 import numpy as np
 
-from pam_control.adaptation.forgetting_fit import ForgettingFit
+from pam_control.adaptation.forgetting_fit import (
+    ForgettingFit,
+    kept_share,
+    new_state,
+    write_weights,
+)
 from pam_control.adaptation.normal_equations import (
     CORRELATED,
     ENERGY,
@@ -59,7 +64,7 @@ from pam_control.adaptation.normal_equations import (
     worth,
 )
 from pam_control.adaptation.recursive_fit import DOUBTED
-from pam_model.plant.compiled import entry_point, for_kernel, listed
+from pam_model.plant.compiled import for_kernel, listed, shared_entry_point
 
 PIVOTS: Final = 6  # exchanges of what is at its bound; the last sets are nearly always right
 BELIEVED_FOR: Final = 0.25  # s of motion, for which the believed error counts
@@ -71,8 +76,9 @@ EXPLAINED: Final = 2.0  # times the noise, which the errors of a fit exceed that
 NOISE, BELIEVED, THRESHOLD = range(3)
 # In the state after the sums: squared errors of the fit by those of one that explains too little
 UNEXPLAINED: Final = N_SUMS
-# Rows of weights: as the data show them, as they are used, bounds, sums, and scratch
-FITTED, FOLLOWED, BOUND, WANTED, SIDE, N_ROWS = range(6)
+# Rows of weights: as the data show them, as they follow these, as they are used, bounds, sums, and
+# scratch
+FITTED, FOLLOWED, WEIGHTS, BOUND, WANTED, SIDE, N_ROWS = range(7)
 # Of each rival: log odds, least gain, logarithm of the determinant of its penalty, what it leaves,
 # evidence, probability, number of its functions, what it would explain of noise, and whether it is
 # exact
@@ -197,18 +203,22 @@ def fit_rivals(
         fitted[i] *= used
 
 
-@entry_point
+@shared_entry_point
 def take_rival_sample(
-    given: Any, state: Any, rows: Any, products: Any, rivals: Any, penalties: Any, held: Any,
-    solutions: Any, scratch: Any, functions: Any, value: float, duration: float, kept: float,
+    value: float, duration: float, given: Any, state: Any, rows: Any, products: Any, rivals: Any,
+    has: Any, penalties: Any, held: Any, solutions: Any, scratch: Any, functions: Any,
 ) -> None:  # fmt: skip
-    """Take a sample after a time [s], of which older samples keep a share; compute the weights.
+    """Take a sample after a time [s]; compute the weights.
 
     The rows are those of `AveragedFit`.
     """
+    if duration <= 0.0:
+        return
+    followed = rows[FOLLOWED]
+    kept = kept_share(state, followed, functions, value, duration, given[THRESHOLD])
     if add_sample(state, products, rows[WANTED], functions, value, duration, kept, SOON):
         fit_rivals(given, state, rows, products, rivals, penalties, held, solutions, scratch)
-    fitted, followed, nothing = rows[FITTED], rows[FOLLOWED], True
+    fitted, nothing = rows[FITTED], True
     nearer = -math.expm1(-duration / max(FOLLOWS * state[UNEXPLAINED], duration))
     for i in range(len(fitted)):
         followed[i] += nearer * (fitted[i] - followed[i])
@@ -217,6 +227,15 @@ def take_rival_sample(
     if nothing and square_sum(products, followed) <= trifle:
         for i in range(len(followed)):
             followed[i] = 0.0
+    write_weights(state, followed, rows[WEIGHTS])
+
+
+def certainty_of(rivals: Any, has: Any, function: int) -> float:
+    """Probability of the rivals that have a function [-]."""
+    total = 0.0
+    for r in range(len(rivals)):
+        total += rivals[r][PROBABILITY] * has[r][function]
+    return total
 
 
 class AveragedFit(ForgettingFit):
@@ -248,13 +267,14 @@ class AveragedFit(ForgettingFit):
         bounds: Mapping[int, float],
     ) -> None:
         count = len(deviations)
-        self._has = [[number in rival.functions for number in range(count)] for rival in rivals]
-        self._penalty: Array = np.where(self._has, 1.0, DOUBTED)
+        has = [[number in rival.functions for number in range(count)] for rival in rivals]
+        self._has = for_kernel(np.array(has, dtype=np.float64))
+        self._penalty: Array = np.where(has, 1.0, DOUBTED)
         self._penalty /= np.array(deviations, dtype=np.float64) ** 2
         self._bounds = [bounds.get(number, -math.inf) for number in range(count)]
         self._rivals = rivals
         self._given = for_kernel(np.array([noise, believed, threshold]))
-        super().__init__(take_rival_sample, threshold)
+        super().__init__(take_rival_sample)
 
     def _begin(self) -> tuple[Any, ...]:
         count, rivals = len(self._bounds), len(self._rivals)
@@ -267,13 +287,14 @@ class AveragedFit(ForgettingFit):
         table[:, PRIOR_SIZE] = np.log(self._penalty).sum(axis=1)
         table[:, PROBABILITY] = 1.0 / rivals
         self._sums, self._table = for_kernel(sums), for_kernel(table)
-        self._used = self._sums[FOLLOWED]
+        self._weights = self._sums[WEIGHTS]
         return (
             self._given,
-            for_kernel(np.array([0.0, 0.0, math.inf, 1.0])),
+            new_state(),
             self._sums,
             for_kernel(np.zeros((count, count))),
             self._table,
+            self._has,
             for_kernel(self._penalty),
             for_kernel(np.zeros((rivals, count))),
             for_kernel(np.zeros((rivals, count))),
@@ -292,5 +313,4 @@ class AveragedFit(ForgettingFit):
 
     def certainty(self, function: int) -> float:
         """Probability of the rivals that have a function [-]."""
-        pairs = zip(self.probabilities, self._has, strict=True)
-        return sum(probability for probability, has in pairs if has[function])
+        return certainty_of(self._table, self._has, function)

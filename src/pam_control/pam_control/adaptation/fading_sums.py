@@ -12,7 +12,7 @@ import numpy as np
 
 from pam_control.adaptation.forgetting_fit import MEMORY
 from pam_control.adaptation.normal_equations import ENERGY, Array, squares_left
-from pam_model.plant.compiled import for_kernel, listed
+from pam_model.plant.compiled import entry_point, for_kernel, listed, prepare
 
 SECONDS, SQUARES, N_TOTALS = range(3)
 """Totals: motion in the sums [s], and the sum of the squares of the target, times seconds."""
@@ -43,6 +43,12 @@ def fade_sums(products: Any, targets: Any, totals: Any, share: float) -> None:
     totals[SECONDS] *= share
 
 
+@entry_point
+def fade_all(products: Any, targets: Any, totals: Any, share: float) -> None:
+    """`fade_sums` for Python."""
+    fade_sums(products, targets, totals, share)
+
+
 def rms_left(products: Any, targets: Any, totals: Any, found: Any) -> float:
     """Root mean square of what these weights leave of the target, in its unit."""
     if totals[SECONDS] <= 0.0:
@@ -71,6 +77,7 @@ class FadingSums:
             for_kernel(np.zeros(size)),
             for_kernel(np.zeros(N_TOTALS)),
         )
+        prepare(fade_all, *self.rows, 0.0)
 
     @property
     def products(self) -> Array:
@@ -89,7 +96,7 @@ class FadingSums:
 
     def fade(self, share: float) -> None:
         """Let what was seen count less."""
-        fade_sums(*self.rows, share)
+        fade_all(*self.rows, share)
 
     def left(self, found: Array) -> float:
         """Root mean square of what these weights leave of the target, in its unit."""

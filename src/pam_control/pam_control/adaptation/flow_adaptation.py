@@ -33,8 +33,8 @@ from __future__ import annotations
 import math
 from typing import Any, Final
 
-from pam_control.adaptation.recursive_fit import RecursiveFit, Suspect
-from pam_control.adaptation.tube_search import TubeSearch
+from pam_control.adaptation.recursive_fit import WEIGHTS, RecursiveFit, Suspect, take_sample
+from pam_control.adaptation.tube_search import TUBE_SHARE, TubeSearch, search_tube
 from pam_control.limited import limited
 from pam_control.rows.loop_rows import (
     N_FULL,
@@ -56,7 +56,7 @@ from pam_control.rows.loop_rows import (
     V_WARM,
     V_WEIGHTS,
 )
-from pam_model.plant.compiled import listed
+from pam_model.plant.compiled import entry_point, prepare
 
 FILTER: Final = 0.06  # s
 EVERY: Final = 0.02  # s between two updates of the fit
@@ -194,6 +194,59 @@ def take_flow(
     v[V_DELAY] += limited(wanted - v[V_DELAY], -reach, reach)
 
 
+def bound_weights(v: Any, weights: Any) -> None:
+    """Let the control cycle use the weights of the fit within their bounds."""
+    for place in range(N_WEIGHTS):
+        bounded = max(LOWEST[place], min(HIGHEST[place], weights[place]))
+        v[V_WEIGHTS + place] = bounded
+    v[V_FOUND_DELAY] = weights[N_WEIGHTS - 1]
+
+
+@entry_point
+def learn_flow(
+    n: Any, v: Any, t: Any, tube_given: Any, tube_state: Any, tube_rows: Any, tube_products: Any,
+    tube_scratch: Any, tube_functions: Any, given: Any, state: Any, rows: Any, products: Any,
+    scratch: Any, functions: Any,
+) -> bool:  # fmt: skip
+    """Learn from the filtered samples of a valve.
+
+    Parameters
+    ----------
+    n, v, t : rows
+        Numbers and state of the loop, and state of the search for a tube.
+    tube_given, tube_state, tube_rows, tube_products, tube_scratch, tube_functions : rows
+        Fit of the tube.
+    given, state, rows, products, scratch, functions : rows
+        Fit of the flow.
+
+    Returns
+    -------
+    bool
+        Whether a tube was found or is gone, so that the flows have to be forgotten.
+    """
+    s, full, known = V_SMOOTH, n[N_FULL], t[TUBE_SHARE] > 0.0
+    slow, shown, lost, up, down = v[s], v[s + 1], v[s + 2], v[s + 3], v[s + 4]
+    moved, per_rate, since = v[s + 6], v[V_PER_RATE], v[V_SINCE]
+    works = up - down > LEAST_WORK * full
+    v[V_SINCE] = 0.0
+    search_tube(
+        t, since, shown, up / per_rate, down / per_rate, moved / per_rate, lost, works,
+        tube_given, tube_state, tube_rows, tube_products, tube_scratch, tube_functions,
+    )  # fmt: skip
+    v[V_TUBE] = t[TUBE_SHARE]
+    if known != (t[TUBE_SHARE] > 0.0):
+        return True
+    if works:
+        for place in range(N_SMOOTH - 3):
+            functions[place] = v[s + 3 + place] / full
+        functions[N_SMOOTH - 3] = (up + down - v[V_LATE]) / FILTER / full
+        seen = per_rate * (v[V_TRUE] - slow) / FILTER + moved
+        value = (seen - up - down) / full
+        take_sample(value, since, given, state, rows, products, scratch, functions)
+        bound_weights(v, rows[WEIGHTS])
+    return False
+
+
 class FlowAdaptation:
     """Learns the flow of one valve.
 
@@ -216,12 +269,18 @@ class FlowAdaptation:
     """
 
     def __init__(self, n: Any, v: Any, supply: float, turn: float = 0.0, tube: float = 0.0) -> None:
-        self._full, self._turn, self._v = float(n[N_FULL]), turn, v
+        self._turn, self._n, self._v = turn, n, v
         self._fit = RecursiveFit(DEVIATIONS, NOISE, TRIFLE, LATE, LEAK)
-        self.tube = TubeSearch(self._full, supply, tube)
-        n[N_PER_PRESSURE], n[N_PER_SQUARE] = self._full / supply, self.tube.per_square
+        self.tube = TubeSearch(float(n[N_FULL]), supply, tube)
+        n[N_PER_PRESSURE], n[N_PER_SQUARE] = n[N_FULL] / supply, self.tube.per_square
         self.forget()
         self.restart()
+        prepare(learn_flow, *self._rows())
+
+    def _rows(self) -> tuple[Any, ...]:
+        """The arguments of `learn_flow`."""
+        tube = self.tube
+        return self._n, self._v, tube.row, *tube.fit.rows, *self._fit.rows
 
     def forget(self) -> None:
         """Nothing is known."""
@@ -232,7 +291,7 @@ class FlowAdaptation:
     def forget_flows(self) -> None:
         """Nothing is known but the tube."""
         self._fit.forget()
-        self._bound()
+        bound_weights(self._v, self._fit.weights)
         self._v[V_DELAY] = 0.0
 
     def restart(self) -> None:
@@ -252,12 +311,6 @@ class FlowAdaptation:
         """Delay or lag of the commands beside what the rig file tells [s]."""
         return float(self._v[V_DELAY])
 
-    def _bound(self) -> None:
-        self._v[V_FOUND_DELAY] = self._fit.weights[-1]
-        bounds = zip(LOWEST, HIGHEST, self._fit.weights, strict=True)
-        bounded = [max(low, min(high, weight)) for low, high, weight in bounds]
-        self._v[V_WEIGHTS : V_WEIGHTS + N_WEIGHTS] = bounded
-
     @property
     def opened(self) -> tuple[float, float]:
         """Opening that nobody commanded [-], and half of its interval of 90 %."""
@@ -266,21 +319,5 @@ class FlowAdaptation:
 
     def update(self) -> None:
         """Learn from the filtered samples; due when `V_SINCE` has reached `EVERY`."""
-        v = self._v
-        smooth = listed(v[V_SMOOTH : V_SMOOTH + N_SMOOTH])
-        slow, shown, lost, up, down, _, moved = smooth[:7]
-        per_rate, since = float(v[V_PER_RATE]), float(v[V_SINCE])
-        known = self.tube.share > 0.0
-        rates = (up / per_rate, down / per_rate, moved / per_rate)
-        works = up - down > LEAST_WORK * self._full
-        self.tube.update(since, shown, rates, lost, works)
-        v[V_TUBE] = self.tube.share
-        if known != (self.tube.share > 0.0):
+        if learn_flow(*self._rows()):
             self.forget_flows()  # they were seen through another sensor, as it were
-        elif works:
-            seen = per_rate * (float(v[V_TRUE]) - slow) / FILTER + moved
-            late = (up + down - float(v[V_LATE])) / FILTER
-            functions = [each / self._full for each in (*smooth[3:], late)]
-            self._fit.update(functions, (seen - up - down) / self._full, since)
-            self._bound()
-        v[V_SINCE] = 0.0

@@ -23,8 +23,9 @@ ROUNDING: Final = 1e-14
 CORRELATED: Final = 0.05  # s, for which the error of a fit stays about the same
 SOLVED_EVERY: Final = 0.045  # s of motion or work; the weights change within seconds
 
-SEEN, ENERGY, UNSOLVED, N_SUMS = range(4)
-"""State of a fit: sums of weights and of squared values, time since the last solution [s]."""
+SEEN, ENERGY, UNSOLVED, COMMON, OWN, SHARE, N_SUMS = range(7)
+"""State of a fit: sums of weights and of squared values, time since the last solution [s]; three
+numbers of `running_comparison`."""
 
 
 def add_sample(

@@ -31,7 +31,12 @@ from typing import Any, Final
 
 import numpy as np
 
-from pam_control.adaptation.forgetting_fit import ForgettingFit
+from pam_control.adaptation.forgetting_fit import (
+    ForgettingFit,
+    kept_share,
+    new_state,
+    write_weights,
+)
 from pam_control.adaptation.normal_equations import (
     N_SUMS,
     SEEN,
@@ -42,7 +47,7 @@ from pam_control.adaptation.normal_equations import (
     substitute,
     worth,
 )
-from pam_model.plant.compiled import entry_point, for_kernel
+from pam_model.plant.compiled import for_kernel, shared_entry_point
 
 DOUBTED: Final = 1e9  # times the penalty; such a weight is as good as 0
 
@@ -50,8 +55,9 @@ DOUBTED: Final = 1e9  # times the penalty; such a weight is as good as 0
 # means that there is none), and the number of the function whose weight is positive, or -1
 NOISE, THRESHOLD, SUSPECT_LEAST, SUSPECT_BETTER, POSITIVE = range(5)
 SIZE: Final = N_SUMS  # of the errors, in the state after the sums
-# Rows of weights: in use, last solution, their standard deviations' penalty, doubts, and scratch
-FITTED, SOLUTION, PENALTY, DOUBT, WANTED, ALONE, MOVED, N_ROWS = range(8)
+# Rows of weights: fitted, in use, last solution, their standard deviations' penalty, doubts, and
+# scratch
+FITTED, WEIGHTS, SOLUTION, PENALTY, DOUBT, WANTED, ALONE, MOVED, N_ROWS = range(9)
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,17 +108,8 @@ def solve_with_or_without_suspect(
             found[i] = alone[i]
 
 
-@entry_point
-def take_sample(
-    given: Any, state: Any, rows: Any, products: Any, scratch: Any, functions: Any, value: float,
-    duration: float, kept: float,
-) -> None:  # fmt: skip
-    """Take a sample after a time [s], of which older samples keep a share; compute the weights.
-
-    The rows are those of `RecursiveFit`.
-    """
-    if not add_sample(state, products, rows[WANTED], functions, value, duration, kept):
-        return
+def solve_sums(given: Any, state: Any, rows: Any, products: Any, scratch: Any) -> None:
+    """Fit the weights to the sums."""
     found, fitted, positive = rows[SOLUTION], rows[FITTED], int(given[POSITIVE])
     left = squares_left(state, products, rows[WANTED], found)
     state[SIZE] = max(left / (state[SEEN] * given[NOISE] ** 2), 1.0)
@@ -125,6 +122,24 @@ def take_sample(
     used = worth(square_sum(products, found) / state[SEEN], given[THRESHOLD] ** 2)
     for i in range(len(fitted)):
         fitted[i] = used * found[i]
+
+
+@shared_entry_point
+def take_sample(
+    value: float, duration: float, given: Any, state: Any, rows: Any, products: Any, scratch: Any,
+    functions: Any,
+) -> None:  # fmt: skip
+    """Take a sample after a time [s]; compute the weights.
+
+    The rows are those of `RecursiveFit`.
+    """
+    if duration <= 0.0:
+        return
+    threshold, fitted = given[THRESHOLD], rows[FITTED]
+    kept = kept_share(state, fitted, functions, value, duration, threshold)
+    if add_sample(state, products, rows[WANTED], functions, value, duration, kept):
+        solve_sums(given, state, rows, products, scratch)
+    write_weights(state, fitted, rows[WEIGHTS])
 
 
 class RecursiveFit(ForgettingFit):
@@ -156,16 +171,16 @@ class RecursiveFit(ForgettingFit):
         least, better = (suspect.least, suspect.better) if suspect else (0.0, 0.0)
         number = -1.0 if positive is None else float(positive)
         self._given = for_kernel(np.array([noise, threshold, least, better, number]))
-        super().__init__(take_sample, threshold)
+        super().__init__(take_sample)
 
     def _begin(self) -> tuple[Any, ...]:
         count = len(self._deviations)
         sums, square = np.zeros((N_ROWS, count)), np.zeros((count, count))
         sums[PENALTY], sums[DOUBT] = (self._noise / self._deviations) ** 2, 1.0
         self._sums, self._products = for_kernel(sums), for_kernel(square)
-        self._state = for_kernel(np.array([0.0, 0.0, math.inf, 1.0]))
+        self._state = new_state()
         scratch = for_kernel(square.copy())
-        self._used = self._sums[FITTED]
+        self._weights = self._sums[WEIGHTS]
         return self._given, self._state, self._sums, self._products, scratch
 
     def deviation(self, index: int) -> float:

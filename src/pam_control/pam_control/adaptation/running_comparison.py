@@ -23,43 +23,40 @@ regulators with variable forgetting factors", Automatica 17 (1981) 831-835.
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Any, Final
+
+from pam_control.adaptation.normal_equations import COMMON, OWN, SHARE
 
 WINDOW: Final = 0.3  # s of motion or work; a load is taken off within one stroke
 LEAST_KEPT: Final = 0.05  # of the memory of a fit; a stroke is remembered in any case
 
 
-class RunningComparison:
-    """The share of what was learnt that has helped lately.
+def begin_comparison(state: Any) -> None:
+    """Nothing was expected yet."""
+    state[COMMON], state[OWN], state[SHARE] = 0.0, 0.0, 1.0
+
+
+def compare(state: Any, trifle: float, expected: float, value: float, duration: float) -> None:
+    """Take what was expected of a value and the value; write the share that has helped lately.
 
     Parameters
     ----------
+    state : row
+        Of a fit (`normal_equations`).
     trifle : float
         Root mean square below which nothing that was learnt is judged, in the value's unit.
-
-    Attributes
-    ----------
-    share : float
-        By which what was learnt may act [-].
+    expected, value : float
+        In their unit.
+    duration : float
+        Time since the last value [s].
     """
+    prior, kept = WINDOW * trifle * trifle, math.exp(-duration / WINDOW)
+    state[COMMON] = kept * state[COMMON] + duration * expected * value
+    state[OWN] = kept * state[OWN] + duration * expected * expected
+    share = (state[COMMON] + prior) / (state[OWN] + prior)
+    state[SHARE] = max(min(share, 1.0), 0.0)
 
-    def __init__(self, trifle: float) -> None:
-        self._prior = WINDOW * trifle * trifle
-        self.forget()
 
-    def forget(self) -> None:
-        """Nothing was expected yet."""
-        self._common = self._own = 0.0
-        self.share = 1.0
-
-    def update(self, expected: float, value: float, duration: float) -> None:
-        """Take what was expected of a value and the value, after a time [s]."""
-        kept = math.exp(-duration / WINDOW)
-        self._common = kept * self._common + duration * expected * value
-        self._own = kept * self._own + duration * expected * expected
-        share = (self._common + self._prior) / (self._own + self._prior)
-        self.share = max(min(share, 1.0), 0.0)
-
-    def memory(self, usual: float) -> float:
-        """How long a fit may remember now that remembers for a usual time [s]."""
-        return usual * max(self.share, LEAST_KEPT)
+def memory_of(state: Any, usual: float) -> float:
+    """How long a fit may remember now that remembers for a usual time [s]."""
+    return float(usual * max(state[SHARE], LEAST_KEPT))

@@ -29,7 +29,7 @@ from typing import Any, Final
 import numpy as np
 
 from pam_control.adaptation.fading_sums import FadingSums
-from pam_control.adaptation.motion_functions import begin_memory, element, move_memory
+from pam_control.adaptation.motion_functions import begin_memory
 from pam_control.adaptation.normal_equations import Array
 from pam_control.adaptation.rig_numbers import (
     NOISE,
@@ -40,6 +40,7 @@ from pam_control.adaptation.rig_numbers import (
 )
 from pam_control.adaptation.stiffness_fit import (
     ABOUT,
+    DIFFERENCE,
     FOUND,
     N_FILTERS,
     N_WEIGHTS,
@@ -51,7 +52,7 @@ from pam_control.limited import limited
 from pam_control.rows.plan_rows import N_MEMORY
 from pam_model.errors import PamError
 from pam_model.joints.joint_statics import JointStatics
-from pam_model.plant.compiled import for_kernel, prepare
+from pam_model.plant.compiled import for_kernel, listed, prepare
 from pam_model.views.inverse_dynamics import InverseDynamics
 
 SETTLING: Final = 0.3  # s, until they have forgotten how they began
@@ -64,7 +65,6 @@ BENT: Final = 1.5  # of the noise; the fit leaves more where the derivatives do 
 PARTS_PER_SECOND: Final = 500.0  # of models that are built
 IN_A_PART: Final = 4  # pulls that are computed in one cycle
 OLD_SHARE: Final = 0.1  # of what was seen with other derivatives
-DIFFERENCE: Final = 1e-3  # relative step of the derivatives
 MOST: Final = 1.15  # by which a stiffness command is corrected
 ENOUGH: Final = 1.0  # s of motion
 
@@ -116,17 +116,21 @@ class StiffnessEstimate:
         size = len(joint.numbers) + 3  # with inertia, friction and gravity
         self._prior_weight = 1.0 / max(deviation, 1e-6) ** 2
         self._prior = self._prior_weight * np.eye(size)
-        self._slip = [0.0] * N_MEMORY
+        self._slip = for_kernel(np.zeros(N_MEMORY))
         self._inputs, self._parts = (for_kernel(np.zeros(n)) for n in (size + 1, size + 1))
         self._filters = for_kernel(np.zeros((N_FILTERS, size + 1)))
         self.forget()
         self.restart()
-        sums = self._tolerance.rows
-        prepare(
-            take_torques, self._inputs, self._filters, 0.0, 0.0, 0.0, False, False, self._parts,
-            *sums, *self._load.rows,
+        numbers = (0.0,) * 6
+        prepare(take_torques, *numbers, False, False, *self._rows())
+        prepare(solve_changes, *self._tolerance.rows, self._weights, self._factor, 0.0, 0.0, 0)
+
+    def _rows(self) -> tuple[Any, ...]:
+        """The last arguments of `take_torques`."""
+        return (
+            self._pulls, self._places, self._levers, self._weights, self._slip, self._inputs,
+            self._filters, self._parts, *self._tolerance.rows, *self._load.rows,
         )  # fmt: skip
-        prepare(solve_changes, *sums, self._weights, self._factor, 0.0, 0.0, 0)
 
     def forget(self) -> None:
         """Nothing is known but the rig file."""
@@ -208,27 +212,10 @@ class StiffnessEstimate:
     def _learn(
         self, elapsed: float, pressures: Sequence[float], position: float, known: float
     ) -> Iterator[None]:
-        inputs, about, pulls = self._inputs, self._about, []
         for number, (muscle, joint) in enumerate(self._distinct):
-            if number % IN_A_PART == 0:
+            if number > 0 and number % IN_A_PART == 0:
                 yield
-            pulls.append(joint.tension(muscle, pressures[muscle], position))
-        yield
-        torque, *others = (
-            each.torque_of([pulls[place] for place in places])
-            for each, places in zip((self._model, *self._changed), self._places, strict=True)
-        )
-        whole = torque + known
-        for number, (other, at) in enumerate(zip(others, about, strict=True)):
-            slope = (other - torque) / DIFFERENCE
-            inputs[1 + number] = slope
-            # as if the model were that of the rig file, so that the changes are counted from it
-            whole -= slope * at
-        move_memory(self._slip, 0, position, elapsed)
-        inputs[0], count = whole, 1 + len(about)
-        inputs[count] = element(self._slip, 0, 0)
-        inputs[count + 1] = self._dynamics.gravity(position)
-        inputs[count + 2] = position
+            self._pulls[number] = joint.tension(muscle, pressures[muscle], position)
         begins = not self._filtering or elapsed > LONGEST_STEP
         self._filtering = True
         if begins:
@@ -236,8 +223,8 @@ class StiffnessEstimate:
         else:
             self._settling -= elapsed
         counted = take_torques(
-            self._inputs, self._filters, elapsed, self._inertia, self._damping, begins,
-            self._settling < 0.0, self._parts, *self._tolerance.rows, *self._load.rows,
+            known, self._dynamics.gravity(position), position, elapsed, self._inertia,
+            self._damping, begins, self._settling < 0.0, *self._rows(),
         )  # fmt: skip
         if not counted:
             return
@@ -263,45 +250,36 @@ class StiffnessEstimate:
 
         With the last model, the derivatives are used; what was found with others counts less.
         """
-        about, count = self._found[: len(self._joint.numbers)], len(self._joint.numbers)
+        count = len(self._joint.numbers)
+        about: list[float] = listed(self._weights[FOUND])[:count]
         built: list[JointStatics] = []
         while len(built) <= count:
             changes = about.copy()
             if built:
                 changes[len(built) - 1] += DIFFERENCE
             try:
-                for part in self._joint.changed(changes.tolist()):
+                for part in self._joint.changed(changes):
                     if part is not None:
                         built.append(part)
                     yield
             except PamError:  # a rig at the edge of what is possible
-                about, built = np.zeros(count), []
-        while self._sample is not None:  # of the former derivatives
-            self.go_on()
-        self._about: list[float] = about.tolist()
-        self._weights[ABOUT][:count] = self._about
-        self._model, *self._changed = built
-        self._share_pulls(built)
+                about, built = [0.0] * count, []
+        distinct, places = _shared_pulls(built)
+        yield
+        of_models = for_kernel(np.array(places, dtype=np.int64))
+        levers = for_kernel(np.array([[*joint.ratios, joint.radius] for joint in built]))
+        yield
         # at the ends of the range of one model, another one may not be defined
         ranges = [each.position_range for each in (self._written, *built)]
+        while self._sample is not None:  # of the former derivatives
+            self.go_on()
         self._low, self._high = max(low for low, _ in ranges), min(high for _, high in ranges)
+        self._about, self._weights[ABOUT][:count] = about, about
+        self._model, *self._changed = built
+        self._distinct, self._places, self._levers = distinct, of_models, levers
+        self._pulls = for_kernel(np.zeros(len(distinct)))
         self._moved = 0.0
         self._tolerance.fade(OLD_SHARE)
-
-    def _share_pulls(self, built: Sequence[JointStatics]) -> None:
-        """Find the pulls that differ between the models: most have a muscle that is unchanged."""
-        found: dict[tuple[int, float, int], int] = {}
-        self._distinct: list[tuple[int, JointStatics]] = []
-        self._places: list[list[int]] = []
-        for joint in built:
-            places = []
-            for number, (muscle, arm) in enumerate(zip(joint.muscles, joint.arms, strict=True)):
-                key = number, arm, id(muscle)
-                if key not in found:
-                    found[key] = len(self._distinct)
-                    self._distinct.append((number, joint))
-                places.append(found[key])
-            self._places.append(places)
 
     def numbers(self) -> RigNumbers:
         """The numbers that the rig file of this joint should have, a load and friction included."""
@@ -341,3 +319,29 @@ class StiffnessEstimate:
             factor = np.sqrt(self._prior)
         half = QUANTILE * float(np.linalg.norm(np.linalg.solve(factor, slopes)))
         return Stiffness(value, value - half, value + half, learnt)
+
+
+def _shared_pulls(
+    models: Sequence[JointStatics],
+) -> tuple[list[tuple[int, JointStatics]], list[list[int]]]:
+    """The pulls that differ between models, because most have a muscle that is unchanged.
+
+    Returns
+    -------
+    distinct : list of (int, JointStatics)
+        A muscle, and a model that has it.
+    places : list of list of int
+        Of each model, the numbers of its muscles in `distinct`.
+    """
+    found: dict[tuple[int, float, int], int] = {}
+    distinct: list[tuple[int, JointStatics]] = []
+    places: list[list[int]] = []
+    for joint in models:
+        places.append([])
+        for number, (muscle, arm) in enumerate(zip(joint.muscles, joint.arms, strict=True)):
+            key = number, arm, id(muscle)
+            if key not in found:
+                found[key] = len(distinct)
+                distinct.append((number, joint))
+            places[-1].append(found[key])
+    return distinct, places

@@ -8,11 +8,13 @@ from __future__ import annotations
 from typing import Any, Final
 
 from pam_control.adaptation.fading_sums import add_fading, rms_left
+from pam_control.adaptation.motion_functions import element, move_memory
 from pam_control.adaptation.normal_equations import CORRELATED, factorise, substitute
 from pam_model.plant.compiled import entry_point
 
 FILTER: Final = 0.03  # s, of both filters
 SLOWEST: Final = 0.04  # rad/s; friction may be anything in a joint that stands still
+DIFFERENCE: Final = 1e-3  # relative step of the derivatives
 
 # Rows of the filters: as measured, once and twice filtered
 MEASURED, ONCE, TWICE, N_FILTERS = range(4)
@@ -25,27 +27,68 @@ def _trapezoid(filtered: float, before: float, now: float, step: float) -> float
     return ((2.0 * FILTER - step) * filtered + step * (before + now)) / (2.0 * FILTER + step)
 
 
+def torque_of_model(model: int, pulls: Any, places: Any, levers: Any) -> float:
+    """Torque of the muscles by one of the models [N m]; see `take_torques`."""
+    total, muscles = 0.0, len(places[model])
+    for k in range(muscles):
+        total += levers[model][k] * pulls[places[model][k]]
+    return float(levers[model][muscles] * total)
+
+
+def write_inputs(
+    known: float, gravity: float, position: float, pulls: Any, places: Any, levers: Any, about: Any,
+    slip: Any, inputs: Any,
+) -> None:  # fmt: skip
+    """Write the torque that the model does not explain, its derivatives, and what else is fitted.
+
+    `slip` is the memory of the slip element at this position [rad]; otherwise see `take_torques`.
+    """
+    torque, count = torque_of_model(0, pulls, places, levers), len(places) - 1
+    whole = torque + known
+    for i in range(count):
+        slope = (torque_of_model(1 + i, pulls, places, levers) - torque) / DIFFERENCE
+        inputs[1 + i] = slope
+        # as if the model were that of the rig file, so that the changes are counted from it
+        whole -= slope * about[i]
+    inputs[0], inputs[count + 1] = whole, element(slip, 0, 0)
+    inputs[count + 2], inputs[count + 3] = gravity, position
+
+
 @entry_point
 def take_torques(
-    inputs: Any, filters: Any, elapsed: float, inertia: float, damping: float, begins: bool,
-    counts: bool, parts: Any, products: Any, targets: Any, totals: Any, load_products: Any,
-    load_targets: Any, load_totals: Any,
+    known: float, gravity: float, position: float, elapsed: float, inertia: float, damping: float,
+    begins: bool, counts: bool, pulls: Any, places: Any, levers: Any, weights: Any, slip: Any,
+    inputs: Any, filters: Any, parts: Any, products: Any, targets: Any, totals: Any,
+    load_products: Any, load_targets: Any, load_totals: Any,
 ) -> bool:  # fmt: skip
     """Filter a sample, and add it to the sums if the joint moves; return whether it was added.
 
     Parameters
     ----------
-    inputs : row
-        (n,) Torque that the model does not explain, its derivatives by the numbers [N m], slip
-        element [-], gravity [N m] and position [rad].
-    filters : rows
-        (`N_FILTERS`, n), changed.
+    known : float
+        Torque beside that of the muscles' force, inertia, damping and gravity [N m].
+    gravity, position : float
+        Torque of the weight [N m] at the position [rad].
     elapsed : float
         Time since the last sample [s].
     inertia, damping : float
         Of the joint by the rig file [kg m^2], [N m s/rad].
     begins, counts : bool
         Whether the filters begin with this sample; whether they have settled.
+    pulls : row
+        Those that differ between the models [N].
+    places, levers : rows
+        Of the model and of those with one number changed: which pull is that of each muscle; ratio
+        of each muscle's arm, and then the radius that they refer to [m].
+    weights : rows
+        `ABOUT`: the changes of the numbers of the model [-].
+    slip : row
+        Memory of the slip element, changed.
+    inputs : row
+        (n,) scratch: torque that the model does not explain, its derivatives by the numbers [N m],
+        slip element [-], gravity [N m] and position [rad].
+    filters : rows
+        (`N_FILTERS`, n), changed.
     parts : row
         (n - 1,) scratch: derivatives, inertia, damping, gravity, slip element.
     products, targets, totals
@@ -53,6 +96,8 @@ def take_torques(
     load_products, load_targets, load_totals
         Sums of all parts, changed.
     """
+    move_memory(slip, 0, position, elapsed)
+    write_inputs(known, gravity, position, pulls, places, levers, weights[ABOUT], slip, inputs)
     measured, once, twice = filters[MEASURED], filters[ONCE], filters[TWICE]
     last = len(inputs) - 1
     for i in range(len(inputs)):

@@ -45,7 +45,14 @@ from __future__ import annotations
 import math
 from typing import Any, Final
 
-from pam_control.adaptation.averaged_fit import AveragedFit, Rival
+from pam_control.adaptation.averaged_fit import (
+    FITTED,
+    WEIGHTS,
+    AveragedFit,
+    Rival,
+    certainty_of,
+    take_rival_sample,
+)
 from pam_control.adaptation.motion_functions import (
     DEVIATIONS,
     N_ELEMENTS,
@@ -66,12 +73,16 @@ from pam_control.rows.plan_rows import (
     A_ONCE,
     A_PLANNED,
     A_RAW,
+    A_REST,
     A_SINCE,
     A_SMOOTH,
     A_SPEED_BEFORE,
     A_SPEED_ONCE,
     A_SPEED_TWICE,
+    A_STOOD,
+    A_TAKEN_OVER,
     A_TWICE,
+    A_WAITS,
     A_WANTED_DELAY,
     A_WEIGHTS,
     N_FUNCTIONS,
@@ -81,7 +92,7 @@ from pam_control.rows.plan_rows import (
     Y_REFERENCE,
     Y_ZERO,
 )
-from pam_model.plant.compiled import listed
+from pam_model.plant.compiled import entry_point, prepare
 
 FILTER: Final = 0.03  # s, T
 EVERY: Final = 0.01  # s between two updates of the fit
@@ -90,6 +101,7 @@ ERRORS: Final = 2.5e-4  # of the largest torque: what a fit leaves that has seen
 TRIFLE: Final = 1e-3  # of the largest torque; less is left to the feedback
 SLOW: Final = 0.1  # rad/s; below it a sample counts by the way, not by the time
 VISCOUS: Final = 3  # index of the speed
+N_POWERS: Final = 4  # the unexplained torque, and the functions before the speed
 STILL: Final = 0.02  # rad/s
 DELAY_DEVIATION: Final = 0.01  # s
 ZERO_DEVIATION: Final = 0.05  # rad, of an encoder that was put on by eye
@@ -209,6 +221,86 @@ def learnt_torque(y: Any, row: Any, moment: Any, at: int, limit: float) -> float
     return limited(found, -limit, limit)
 
 
+def sample(row: Any, inertia: float, damping: float, functions: Any) -> tuple[float, float]:
+    """Write the functions' values; return the torque that they should explain [N m], and speed."""
+    # the difference below is the acceleration half a period ago
+    push = (row[A_SPEED_ONCE] - row[A_SPEED_TWICE]) / FILTER
+    speed = 0.5 * (row[A_SPEED_BEFORE] + row[A_SPEED_TWICE])
+    for i in range(1, N_SAMPLE):
+        # speed and acceleration come behind the third one
+        place = i - 1 if i < N_POWERS else i + 1
+        functions[place] = 0.5 * (row[A_BEFORE + i] + row[A_TWICE + i])
+    functions[VISCOUS], functions[VISCOUS + 1] = speed, push
+    value = 0.5 * (row[A_BEFORE] + row[A_TWICE])
+    return value - (damping * speed + inertia * push), speed
+
+
+def use_fit(row: Any, rows: Any, rivals: Any, has: Any) -> None:
+    """Let the control cycle use what the fit has found."""
+    weights, knows, dry = rows[WEIGHTS], 0.0, 0.0
+    for i in range(N_FUNCTIONS):
+        row[A_WEIGHTS + i] = weights[i]
+        if weights[i] != 0.0:
+            knows = 1.0
+    for number in range(len(SLIP_LENGTHS)):
+        if SLIP_LENGTHS[number] < DRY:
+            dry += weights[SLIPS[number]]
+    row[A_KNOWS], row[A_FRICTION] = knows, dry
+    # a wrong delay is an error of the position itself: the median of what is believed
+    likely, wanted = certainty_of(rivals, has, DELAY), 0.0
+    if likely > 0.5:
+        wanted = limited(rows[FITTED][DELAY] / likely, -LONGEST_DELAY, LONGEST_DELAY)
+    row[A_WANTED_DELAY] = wanted if abs(wanted) >= LEAST_DELAY else 0.0
+
+
+@entry_point
+def learn_torque(
+    inertia: float, damping: float, y: Any, row: Any, given: Any, state: Any, rows: Any,
+    products: Any, rivals: Any, has: Any, penalties: Any, held: Any, solutions: Any, scratch: Any,
+    functions: Any,
+) -> None:  # fmt: skip
+    """Learn from the filtered samples of a joint.
+
+    Parameters
+    ----------
+    inertia, damping : float
+        Of the model [kg m^2], [N m s/rad].
+    y, row : rows
+        State of the plan, and of what is learnt.
+    given, state, rows, products, rivals, has, penalties, held, solutions, scratch, functions : rows
+        Of the fit.
+    """
+    stands, since = abs(row[A_SPEED_TWICE]) <= STILL, row[A_SINCE]
+    row[A_SINCE] = 0.0
+    if stands and row[A_WAITS] == 0.0:
+        return
+    # a joint that was taken over shows what it needs at rest, once its reference moves
+    if row[A_WAITS] > 0.0:
+        if math.isnan(row[A_TAKEN_OVER]):
+            row[A_TAKEN_OVER] = y[Y_REFERENCE]
+        if y[Y_REFERENCE] != row[A_TAKEN_OVER]:
+            row[A_WAITS] = 0.0
+            if row[A_STOOD] > 0.0:
+                for i in range(N_FUNCTIONS):
+                    functions[i] = row[A_REST + i]
+                take_rival_sample(
+                    row[A_REST + N_FUNCTIONS], CORRELATED, given, state, rows, products, rivals,
+                    has, penalties, held, solutions, scratch, functions,
+                )  # fmt: skip
+        elif stands:
+            value, _ = sample(row, inertia, damping, functions)
+            for i in range(N_FUNCTIONS):
+                row[A_REST + i] = functions[i]
+            row[A_REST + N_FUNCTIONS], row[A_STOOD] = value, 1.0
+    if not stands:
+        value, speed = sample(row, inertia, damping, functions)
+        take_rival_sample(
+            value, since * min(abs(speed) / SLOW, 1.0), given, state, rows, products, rivals, has,
+            penalties, held, solutions, scratch, functions,
+        )  # fmt: skip
+    use_fit(row, rows, rivals, has)
+
+
 class TorqueAdaptation:
     """Learns and predicts the torque of one joint that its model lacks.
 
@@ -247,23 +339,18 @@ class TorqueAdaptation:
         )
         self.forget()
         self.restart()
+        prepare(learn_torque, *self._arguments())
+
+    def _arguments(self) -> tuple[Any, ...]:
+        """Of `learn_torque`."""
+        return self._inertia, self._damping, self._y, self._row, *self._fit.rows
 
     def forget(self) -> None:
         """Nothing is known."""
         self._fit.forget()
         self._row[A_DELAY] = 0.0
-        self._use()
-
-    def _use(self) -> None:
-        """Let the control cycle use what the fit has found."""
-        weights, row = self._fit.weights, self._row
-        row[A_WEIGHTS : A_WEIGHTS + N_FUNCTIONS] = weights
-        row[A_KNOWS], row[A_FRICTION] = float(any(weights)), self._dry_friction()
-        # a wrong delay is an error of the position itself: the median of what is believed
-        likely, wanted = self._fit.certainty(DELAY), 0.0
-        if likely > 0.5:
-            wanted = limited(self._fit.fitted[DELAY] / likely, -LONGEST_DELAY, LONGEST_DELAY)
-        row[A_WANTED_DELAY] = wanted if abs(wanted) >= LEAST_DELAY else 0.0
+        _, _, rows, _, rivals, has, *_ = self._fit.rows
+        use_fit(self._row, rows, rivals, has)
 
     @property
     def knows(self) -> bool:
@@ -283,55 +370,17 @@ class TorqueAdaptation:
         """Of the functions in the order of `motion_functions`, then `DELAY`, `ZERO` and `GRIP`."""
         return self._fit.weights
 
-    def _dry_friction(self) -> float:
-        slips = zip(SLIPS, SLIP_LENGTHS, strict=True)
-        return sum(self._fit.weights[place] for place, length in slips if length < DRY)
-
     def restart(self) -> None:
         """Begin with a joint at rest; what was learnt is kept."""
         begin_memory(self._row, A_MEASURED)
         begin_memory(self._row, A_PLANNED)
         self._row[A_BEGUN], self._row[A_SINCE] = 0.0, -self._turn * EVERY
         self._y[Y_PLANNED_AT] = self._y[Y_REFERENCE] = math.nan
-        self._waits, self._taken_over_at = True, math.nan
-        self._stood: tuple[tuple[float, ...], float] | None = None  # the sample there
+        self._row[A_WAITS], self._row[A_TAKEN_OVER], self._row[A_STOOD] = 1.0, math.nan, 0.0
 
     def update(self) -> None:
         """Learn from the filtered samples; due when `take_torque` says so."""
-        row = self._row
-        stands, since = abs(float(row[A_SPEED_TWICE])) <= STILL, float(row[A_SINCE])
-        row[A_SINCE] = 0.0
-        if stands and not self._waits:
-            return
-        functions, value, speed = self._sample()
-        if self._waits:
-            self._wait(functions, value, stands)
-        if not stands:
-            self._fit.update(functions, value, since * min(abs(speed) / SLOW, 1.0))
-        self._use()
-
-    def _wait(self, functions: tuple[float, ...], value: float, stands: bool) -> None:
-        """Keep the sample of a joint that was taken over; take it when the reference moves."""
-        reference = float(self._y[Y_REFERENCE])
-        if math.isnan(self._taken_over_at):
-            self._taken_over_at = reference
-        if reference != self._taken_over_at:
-            self._waits = False
-            if self._stood is not None:
-                self._fit.update(*self._stood, CORRELATED)
-        elif stands:
-            self._stood = (functions, value)
-
-    def _sample(self) -> tuple[tuple[float, ...], float, float]:
-        """Values of the functions, the torque that they should explain [N m], speed [rad/s]."""
-        row = listed(self._row)
-        # the difference below is the acceleration half a period ago
-        before, now = (row[at : at + N_SAMPLE] for at in (A_BEFORE, A_TWICE))
-        smooth = [0.5 * (one + other) for one, other in zip(before, now, strict=True)]
-        once, twice = row[A_SPEED_ONCE], row[A_SPEED_TWICE]
-        speed, push = 0.5 * (row[A_SPEED_BEFORE] + twice), (once - twice) / FILTER
-        model = self._damping * speed + self._inertia * push
-        return (*smooth[1:4], speed, push, *smooth[4:]), smooth[0] - model, speed
+        learn_torque(*self._arguments())
 
     def at_rest(self, position: float, limit: float) -> float:
         """The learnt torque of a joint that begins at rest at a position [rad], limited [N m]."""

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
-from typing import Any, Final, Protocol
+from typing import Final, Protocol
 
 from pam_control.adaptation.rig_numbers import DRY_FRICTION, Place
 from pam_model.effects import effect_value
 from pam_model.joints.joint_muscle import JointMuscle
 from pam_model.joints.joint_statics import JointStatics
+from pam_model.muscles.force_model import MuscleGeometry, create_force_model
 from pam_model.rig import Joint, Muscle, Rig
-from pam_model.robot import compose_in_parts
+from pam_model.rig.arms import arm_lengths
+from pam_model.robot import effective_force_model
 from pam_model.views.inverse_dynamics import InverseDynamics
 
 OF_MUSCLES: Final = ("thread_length", "turns", "neutral_length")
@@ -55,54 +56,67 @@ class JointOfRig:
     """A joint of a rig file."""
 
     def __init__(self, rig: Rig, joint: Joint) -> None:
-        # of one joint alone, because the models with changed numbers are built in a control cycle
-        muscles = tuple(rig.muscle(name) for name in joint.muscles)
-        self._rig, self._joint = replace(rig, joints=(joint,), muscles=muscles), joint
+        self._joint, self._gas = joint, rig.gas
+        self._written = {name: rig.muscle(name) for name in joint.muscles}
+        self._supply = rig.supply_gauge_pressure
         self._muscles: dict[tuple[str | float, ...], JointMuscle] = {}
         self.tolerance = rig.parameter_tolerance
         self.numbers: list[tuple[str, str]] = [(joint.name, "pulley_radius")] + [
             (name, key)
-            for name in joint.muscles
+            for name, muscle in self._written.items()
             for key in OF_MUSCLES
-            if getattr(rig.muscle(name), key, None)
+            if getattr(muscle, key, None)
         ]
+
+    def _part(self, owner: str) -> Joint | Muscle:
+        return self._joint if owner == self._joint.name else self._written[owner]
 
     def changed(self, changes: Sequence[float]) -> Iterator[JointStatics | None]:
-        """See `VariedJoint`."""
-        new: dict[str, dict[str, Any]] = {}
+        """See `VariedJoint`; the muscles with the same numbers are shared."""
+        new: dict[str, dict[str, float]] = {self._joint.name: {}}
         for (owner, key), change in zip(self.numbers, changes, strict=True):
-            part = self._joint if owner == self._joint.name else self._rig.muscle(owner)
-            new.setdefault(owner, {})[key] = (1.0 + change) * getattr(part, key)
-        joint = replace(self._joint, **new.get(self._joint.name, {}))
-        muscles: list[Muscle] = []
-        for one in self._rig.muscles:
-            yield None
-            muscles.append(replace(one, **new.get(one.name, {})))
-        yield None
-        rig = replace(self._rig, joints=(joint,), muscles=tuple(muscles))
-        for robot in compose_in_parts(rig):
-            yield None
-            if robot is not None:
-                yield self._sharing(JointStatics.from_robot(robot, robot.joints[0]), new)
-
-    def _sharing(self, made: JointStatics, new: Mapping[str, dict[str, float]]) -> JointStatics:
-        """The same joint with the muscles of others that it shares all numbers with."""
+            new.setdefault(owner, {})[key] = (1.0 + change) * getattr(self._part(owner), key)
         if len(self._muscles) > MOST_MUSCLES:
             self._muscles.clear()
-        muscles = [
-            self._muscles.setdefault((name, *new.get(name, {}).values()), muscle)
-            for name, muscle in zip(self._joint.muscles, made.muscles, strict=True)
-        ]
-        return JointStatics(
-            muscles, made.arms, ambient_pressure=made.ambient_pressure, exponent=made.exponent
+        muscles = []
+        for name in self._joint.muscles:
+            numbers: dict[str, float] = new.get(name, {})
+            shared: tuple[str | float, ...] = (name, *numbers.values())
+            if shared not in self._muscles:
+                for part in self._muscle(self._written[name], numbers):
+                    if part is None:
+                        yield None
+                    else:
+                        self._muscles[shared] = part
+            muscles.append(self._muscles[shared])
+        yield None
+        radius = new[self._joint.name].get("pulley_radius", self._joint.pulley_radius)
+        yield JointStatics(
+            muscles,
+            arm_lengths(radius, self._joint.effects),
+            ambient_pressure=self._gas.ambient_pressure,
+            exponent=self._gas.polytropic_exponent,
         )
+
+    def _muscle(
+        self, written: Muscle, numbers: Mapping[str, float]
+    ) -> Iterator[JointMuscle | None]:
+        """A muscle with changed numbers; None comes before each part of the work."""
+        thread_length, turns, neutral_length = (
+            numbers.get(name, getattr(written, name)) for name in OF_MUSCLES
+        )
+        yield None
+        geometry = MuscleGeometry(thread_length, turns, written.rest_length, written.wall_thickness)
+        nominal = create_force_model(written.model, geometry, written.model_parameters)
+        yield None
+        force = effective_force_model(written.effects, geometry, nominal)
+        yield JointMuscle(force, neutral_length, 0.0, min(written.max_pressure, self._supply))
 
     def places(self, dynamics: InverseDynamics) -> list[Place]:
         """See `VariedJoint`."""
         joint, places = self._joint, []
         for owner, key in self.numbers:
-            part = joint if owner == joint.name else self._rig.muscle(owner)
-            written = float(getattr(part, key))
+            written = float(getattr(self._part(owner), key))
             places.append(Place(owner, key, written, written))
         for key in ("inertia", "viscous_friction", "gravity_torque"):
             # with effects such as a payload, which stay as they are

@@ -4,23 +4,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from pam_control.control_step import Measurement
 from pam_control.cycle.joint_channel import JointChannel
-from pam_control.cycle.joint_cycle import CycleRows, demand, longest_delay, new_cycle, sense, settle
+from pam_control.cycle.joint_cycle import K_DELAY, K_STIFFNESS, CycleRows, new_cycle
 from pam_control.cycle.pressure_loops import PressureLoops
+from pam_control.cycle.stages import COMMAND, DEMAND, SETTLE, act, begin, measure
 from pam_control.feedback.supply_reservoir import SupplyReservoir
 from pam_control.joint_models import JointModels
 from pam_control.joint_setup import JointSetup
 from pam_control.laws.law import AnyLaw
 from pam_control.references.reference_generator import ReferenceGenerator
-from pam_control.rows.loop_rows import V_TUBE
 from pam_control.rows.muscle_table import MuscleTable
-from pam_control.rows.plan_rows import W_DESIRED
 from pam_control.settings import ControlSettings
-from pam_model.plant.compiled import for_kernel, listed, listed_column, prepare
+from pam_model.plant.compiled import for_kernel, listed, prepare
 from pam_model.views.joint_numbers import joint_numbers
 
 
@@ -38,6 +38,8 @@ class ControlCycle:
     ----------
     channels : list of JointChannel
         The joints.
+    telemetry : rows
+        Of all joints, from the last cycle (`telemetry_rows`).
     """
 
     def __init__(
@@ -50,11 +52,10 @@ class ControlCycle:
     ) -> None:
         self._joints, self._law, self._references = joints, law, references
         robot = joints[0].robot
-        self._count = len(robot.muscles)
         self._table = table = MuscleTable.of(robot)
-        self._owned = [[int(loop) for loop in owned] for owned in table.owned]
-        numbers = for_kernel(joint_numbers(robot))
-        self._valves = PressureLoops(robot, joints, table, reservoir, numbers)
+        self._constants = for_kernel(joint_numbers(robot))
+        self._reservoir = reservoir
+        self._valves = PressureLoops(robot, joints, table, self._constants)
         states, loops = law.init_together(joints), self._valves.loops
         if law.together:
             self._rows = CycleRows(states[0].rows.w, states[0].rows.x)
@@ -64,36 +65,43 @@ class ControlCycle:
             JointChannel(models, tuple(loops[k] for k in owned), setup, self._rows, state)
             for models, owned, setup, state in zip(joints, table.owned, setups, states, strict=True)
         ]
+        self.telemetry = self._rows.z
+        k = self._rows.k
+        self._scheduling = (k, K_STIFFNESS, k, K_DELAY)  # written by `JointChannel.prepare`
+        if law.together:
+            self._scheduling = law.scheduling(states)
         self._positions = for_kernel(np.zeros(len(joints)))
+        self._pressures = for_kernel(np.zeros(len(robot.muscles)))
+        self._commands = for_kernel(np.full(len(robot.muscles), math.nan))
         self._sinks = False  # the air is let out slowly
+        self._asked: Sequence[float] = ()  # stiffnesses, as long as nothing else changes them
         self.use(setups)
-        self._compile()
+        # no cycle waits for machine code
+        prepare(begin, *self._of_begin())
+        prepare(measure, 0.0, 0.0, 0.0, 0.0, 0.0, *self._of_measurement())
+        prepare(act, DEMAND, SETTLE, 0.0, 0.0, 0.0, False, *self._of_act())
 
-    def _compile(self) -> None:
-        """Let no cycle wait for machine code."""
+    def _of_begin(self) -> tuple[Any, ...]:
+        """Arguments of `begin`."""
+        return self._table.owned, self._rows.k, self._valves.state, *self._scheduling
+
+    def _of_measurement(self) -> tuple[Any, ...]:
+        """The rows for `measure`."""
         rows, valves, references = self._rows, self._valves, self._references.limited_references
-        w, x, k, u, d, owned = rows.w, rows.x, rows.k, rows.u, valves.demands, self._table.owned
-        history, ends = references.history, references.ends
-        prepare(
-            sense,
-            owned,
-            w,
-            x,
-            k,
-            u,
-            d,
-            valves.state,
-            history,
-            ends,
-            self._positions,
-            0.0,
-            0.0,
-            0.0,
-            0.0,
-        )
-        prepare(demand, owned, w, x, k, u, d, 0.0)
-        prepare(settle, owned, x, k, u, for_kernel(np.zeros(len(d))), 0.0, False)
-        prepare(longest_delay, owned, k, valves.state)
+        return (
+            self._table.owners, self._table.owned, self._constants, valves.numbers, valves.state,
+            valves.demands, self._pressures, rows.w, rows.x, rows.k, rows.u, references.history,
+            references.ends, self._positions,
+        )  # fmt: skip
+
+    def _of_act(self) -> tuple[Any, ...]:
+        """The rows for `act`."""
+        rows, valves = self._rows, self._valves
+        return (
+            self._table.owners, self._table.owned, self._constants, valves.numbers,
+            valves.inverses, valves.settings, valves.state, valves.demands, rows.w, rows.x, rows.k,
+            rows.u, rows.z, self._commands,
+        )  # fmt: skip
 
     def use(self, setups: Sequence[JointSetup]) -> None:
         """Use other settings, gains and values of the law from the next cycle on."""
@@ -103,6 +111,10 @@ class ControlCycle:
             self._valves.use(place, setup.settings, setup.adapts, acts)
         self._rows.use(setups, self._joints)
         self._law = setups[0].law if setups else self._law
+        self._asks_again = any(
+            setup.law.asks_again(setup.settings, setup.adapts) for setup in setups
+        )
+        self._asked = ()
         self._learners = {
             place: setup.learner for place, setup in enumerate(setups) if setup.learner is not None
         }
@@ -112,9 +124,10 @@ class ControlCycle:
 
         The references have to reach ahead by it before `commands` is called.
         """
-        for channel in self.channels:
-            channel.prepare()
-        return longest_delay(self._table.owned, self._rows.k, self._valves.state)
+        if not self._law.together:
+            for channel in self.channels:
+                channel.prepare()
+        return begin(*self._of_begin())
 
     def commands(
         self,
@@ -125,7 +138,7 @@ class ControlCycle:
         stiffnesses: Sequence[float],
         torques: Sequence[float | None],
         share: float | None,
-    ) -> list[float]:
+    ) -> tuple[float, ...]:
         """The commands of all muscles; NaN for a muscle that belongs to no joint.
 
         Parameters
@@ -133,7 +146,7 @@ class ControlCycle:
         time, step : float
             Present time, and time since the last cycle [s].
         measurement : Measurement
-            Corrected by what the rig file says about the sensors.
+            As the sensors show it.
         settings : ControlSettings
             In force.
         stiffnesses, torques : sequence of float, of float or None
@@ -141,17 +154,13 @@ class ControlCycle:
         share : float or None
             Share of the pressures that is left while the air is let out slowly [-]; None otherwise.
         """
-        rows, valves, table = self._rows, self._valves, self._table
-        references = self._references.limited_references
         measured_at = measurement.pressure_time - settings.measurement_delay
-        valves.read([measurement.pressures[place] for place in table.places], step)
         for place, learner in self._learners.items():
             learner.follow(self._references.spline(self._joints[place].name))
-        self._positions[:] = measurement.positions
-        sense(
-            table.owned, rows.w, rows.x, rows.k, rows.u, valves.demands, valves.state,
-            references.history, references.ends, self._positions, time, measurement.position_time,
-            measured_at, settings.measurement_delay,
+        self._positions[:], self._pressures[:] = measurement.positions, measurement.pressures
+        measure(
+            time, step, measurement.position_time, measured_at, settings.measurement_delay,
+            *self._of_measurement(),
         )  # fmt: skip
         if share is not None or self._sinks:
             self._sinks = share is not None
@@ -159,28 +168,37 @@ class ControlCycle:
                 channel.sink(share)
         if share is None:
             self._plan(step, stiffnesses, torques)
-        demand(table.owned, rows.w, rows.x, rows.k, rows.u, valves.demands, step)
-        found, cut = valves.command(time - measured_at, step)
-        settle(table.owned, rows.x, rows.k, rows.u, cut, step, share is not None)
-        tubes, desired = listed_column(valves.state, V_TUBE), listed_column(rows.w, W_DESIRED)
-        told = zip(self.channels, listed(rows.x), listed(rows.k), desired, self._owned, strict=True)
-        for channel, x, k, pressures, owned in told:
-            channel.tell(x, k, tuple(pressures), sum([tubes[loop] > 0.0 for loop in owned]))
-        commands = [math.nan] * self._count
-        for place, command in zip(table.places, listed(found), strict=True):
-            commands[place] = command
-        return commands
+        self._act(time - measured_at, step)
+        return tuple(listed(self._commands))
+
+    def _act(self, age: float, step: float) -> None:
+        """Let the valves follow the plans, after a step [s], for pressures of this age [s]."""
+        valves = self._valves
+        rows = (self._reservoir.pressure, age, step, self._sinks, *self._of_act())
+        first = DEMAND
+        if valves.has_open:
+            act(DEMAND, DEMAND, *rows)
+            valves.fill_volumes()
+            first = COMMAND
+        drawn, is_due = act(first, SETTLE, *rows)
+        self._reservoir.draw(drawn)
+        if is_due:
+            valves.learn()
+            act(SETTLE, SETTLE, *rows)
 
     def _plan(
         self, step: float, stiffnesses: Sequence[float], torques: Sequence[float | None]
     ) -> None:
         """Let the law plan the pressures of all joints."""
-        asked = zip(self.channels, stiffnesses, torques, strict=True)
         if self._law.together:
-            for channel, stiffness, _ in asked:
-                channel.ask(stiffness)
+            # another list holds other stiffnesses
+            if self._asks_again or stiffnesses is not self._asked:
+                for channel, stiffness in zip(self.channels, stiffnesses, strict=True):
+                    channel.ask(stiffness)
+                self._asked = stiffnesses
             states = [channel.law_state for channel in self.channels]
             self._law.plan_together(states, step, self._learners)
             return
+        asked = zip(self.channels, stiffnesses, torques, strict=True)
         for channel, stiffness, torque in asked:
             channel.plan(step, stiffness, torque, self._references.motion[channel.models.name])

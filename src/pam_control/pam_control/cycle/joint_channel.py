@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from itertools import compress, product
-from typing import Any, Final
+from typing import Any
 
 from pam_control.control_step import (
     JointTelemetry,
-    LawTelemetry,
     MeasuredMotion,
     Moment,
     PlanRequest,
@@ -19,11 +17,8 @@ from pam_control.cycle.joint_cycle import (
     K_FEEDBACK,
     K_GAINS,
     K_POSITION,
-    K_RATE_LIMITED,
-    K_SEEN_ERROR,
     K_STIFFNESS,
     K_TIME,
-    K_VALVE_LIMITED,
     K_VELOCITY,
     CycleRows,
 )
@@ -33,7 +28,6 @@ from pam_control.joint_models import JointModels, PerMuscle
 from pam_control.joint_setup import JointSetup
 from pam_control.laws.law import Guidance, GuideRequest, Start
 from pam_control.references.motion_limiter import MotionLimits
-from pam_control.references.spline import JointReference
 from pam_control.rows.plan_rows import (
     W_ACTS,
     W_DESIRED,
@@ -58,6 +52,8 @@ from pam_control.rows.plan_rows import (
     X_TRUE_STIFFNESS,
     X_UNEXPLAINED,
 )
+from pam_control.rows.telemetry_rows import Z_DRIVEN, Z_ERROR, Z_YIELDS
+from pam_model.plant.compiled import listed
 
 
 class JointChannel:
@@ -94,11 +90,10 @@ class JointChannel:
         self._setup, self._state = setup, state
         place = models.joint.place
         self._w, self._x, self._k = tuple(rows.w[place]), rows.x[place], rows.k[place]
+        self._z = rows.z[place]
         self._sinking_from: PerMuscle | None = (
             None  # desired pressures when the lowering began [Pa]
         )
-        self._law_telemetry: LawTelemetry | None = None  # of a law that plans by itself
-        self._telemetry = JointTelemetry()
         self._stand()
         self._desire((math.nan,) * len(loops))
 
@@ -126,7 +121,7 @@ class JointChannel:
     @property
     def telemetry(self) -> JointTelemetry:
         """Of the last cycle."""
-        return self._telemetry
+        return JointTelemetry.of(listed(self._z))
 
     @property
     def motion(self) -> MeasuredMotion:
@@ -147,7 +142,7 @@ class JointChannel:
     @property
     def stiffness_range(self) -> tuple[float, float]:
         """Least and greatest stiffness [N m/rad] at the present reference."""
-        models, reference = self.models, self._telemetry.reference
+        models, reference = self.models, self.telemetry.reference
         if math.isnan(reference.position):
             return math.nan, math.nan
         torque = models.torque(reference)
@@ -225,7 +220,7 @@ class JointChannel:
             output, self._state = found
         for number, gain in enumerate(gains.row):
             self._k[K_GAINS + number] = gain
-        continue_feedback(self._k, K_FEEDBACK, K_GAINS, output, self._telemetry.error)
+        continue_feedback(self._k, K_FEEDBACK, K_GAINS, output, float(self._z[Z_ERROR]))
 
     def _start(self, position: float) -> Start:
         setup = self._setup
@@ -235,7 +230,7 @@ class JointChannel:
             setup.settings,
             self.gains,
             setup.adapts,
-            self._telemetry.reference,
+            self.telemetry.reference,
         )
 
     def guide(self, step: float, active: bool, held: bool, torque: float | None) -> Guidance:
@@ -297,12 +292,19 @@ class JointChannel:
             setup.learner,
         )
         plan, self._state = setup.law.plan(self.models, self._state, request)
-        self._law_telemetry = plan.telemetry
         columns = zip(plan.reference, plan.rate, plan.ahead, plan.velocities, strict=True)
         for muscle, planned in zip(self._w, columns, strict=True):
             muscle[W_REFERENCE : W_SPEED + 1] = planned
         self._x[X_MISSED], self._x[X_NEW_INTEGRAL] = plan.missed, plan.integral
-        self._x[X_TORQUE_LIMITED] = float("torque" in plan.telemetry.clipped)
+        told = plan.telemetry
+        self._x[X_TORQUE], self._x[X_STIFFNESS] = told.torque, told.stiffness
+        self._x[X_REACHED_TORQUE] = told.torque_reached
+        self._x[X_REACHED_STIFFNESS] = told.stiffness_reached
+        self._x[X_TRUE_STIFFNESS], self._x[X_DISTURBANCE] = told.true_stiffness, told.disturbance
+        self._x[X_TORQUE_LIMITED] = float("torque" in told.clipped)
+        self._x[X_STIFFNESS_LIMITED] = float("stiffness" in told.clipped)
+        self._x[X_UNEXPLAINED] = math.nan
+        self._z[Z_YIELDS], self._z[Z_DRIVEN] = float(told.yields), float(told.driven)
 
     def sink(self, share: float | None) -> None:
         """Plan a joint whose air is let out slowly: a share of the pressures [-]; None: it is not.
@@ -318,53 +320,3 @@ class JointChannel:
             muscle[W_REFERENCE : W_SPEED + 1] = share * pressure, 0.0, 0.0, 0.0
         self._x[X_MISSED], self._x[X_NEW_INTEGRAL] = 0.0, self.integral
         self._x[X_TORQUE_LIMITED] = 0.0
-        self._law_telemetry = self._telemetry.law._replace(clipped=())
-
-    def tell(self, x: list[float], k: list[float], desired: PerMuscle, tubes: int) -> None:
-        """Keep the telemetry of a cycle.
-
-        Parameters
-        ----------
-        x, k : list of float
-            The joint's rows.
-        desired : tuple of float
-            Pressures of its muscles [Pa].
-        tubes : int
-            Number of muscles that were found to be behind one.
-        """
-        law, unexplained = self._law_telemetry, math.nan
-        if law is None:
-            unexplained = x[X_UNEXPLAINED]
-            law = LawTelemetry(
-                x[X_TORQUE],
-                x[X_STIFFNESS],
-                x[X_REACHED_TORQUE],
-                x[X_REACHED_STIFFNESS],
-                x[X_TRUE_STIFFNESS],
-                x[X_DISTURBANCE],
-                _PLAN_LIMITS[x[X_TORQUE_LIMITED] > 0.0, x[X_STIFFNESS_LIMITED] > 0.0],
-            )
-        clipped = law.clipped
-        if k[K_RATE_LIMITED] or k[K_VALVE_LIMITED]:
-            clipped += _VALVE_LIMITS[k[K_RATE_LIMITED] > 0.0, k[K_VALVE_LIMITED] > 0.0]
-        self._law_telemetry = None
-        self._telemetry = JointTelemetry(
-            JointReference(x[X_SEEN + 1], x[X_SEEN + 2], x[X_SEEN + 3]),
-            MeasuredMotion(k[K_POSITION], k[K_VELOCITY], k[K_TIME]),
-            k[K_SEEN_ERROR],
-            desired,
-            clipped,
-            tubes,
-            law,
-            unexplained,
-        )
-
-
-def _told(*names: str) -> dict[tuple[bool, ...], tuple[str, ...]]:
-    """What is told of limits of these names, by whether each was reached."""
-    cases = product((False, True), repeat=len(names))
-    return {case: tuple(compress(names, case)) for case in cases}
-
-
-_PLAN_LIMITS: Final = _told("torque", "stiffness")
-_VALVE_LIMITS: Final = _told("pressure_rate", "valve")

@@ -1,4 +1,4 @@
-"""What all laws share in one cycle of the joints: compiled functions of rows.
+"""What all laws share in one cycle of the joints: functions of rows, which `stages` compiles.
 
 `sense` finds where the joints are and should be, and the output of the feedback; then the law plans
 the pressures; `demand` says what the pressure loops have to do, and `settle` lets the integrals
@@ -37,12 +37,14 @@ from pam_control.limited import limited
 from pam_control.references.limited_references import reference_at
 from pam_control.rows.loop_rows import (
     D_AHEAD,
+    D_CUT,
     D_POSITION,
     D_PRESSURE,
     D_RATE,
     D_REFERENCE,
     D_SPEED,
     V_DELAY,
+    V_TUBE,
 )
 from pam_control.rows.plan_rows import (
     N_CYCLE,
@@ -55,6 +57,7 @@ from pam_control.rows.plan_rows import (
     W_RATE,
     W_REFERENCE,
     W_SPEED,
+    X_DISTURBANCE,
     X_EXPLAINED,
     X_FRESH,
     X_HANDED,
@@ -67,18 +70,47 @@ from pam_control.rows.plan_rows import (
     X_OBSERVER,
     X_OUTPUT,
     X_POSITION,
+    X_REACHED_STIFFNESS,
+    X_REACHED_TORQUE,
     X_SEEN,
+    X_STIFFNESS,
+    X_STIFFNESS_LIMITED,
+    X_TORQUE,
     X_TORQUE_LIMITED,
+    X_TRUE_STIFFNESS,
+    X_UNEXPLAINED,
     X_VELOCITY,
 )
-from pam_model.plant.compiled import entry_point, for_kernel
+from pam_control.rows.telemetry_rows import (
+    Z_DISTURBANCE,
+    Z_ERROR,
+    Z_POSITION,
+    Z_PRESSURES,
+    Z_RATE_CUT,
+    Z_REFERENCE,
+    Z_SPEED,
+    Z_STIFFNESS,
+    Z_STIFFNESS_CUT,
+    Z_STIFFNESS_REACHED,
+    Z_TIME,
+    Z_TORQUE,
+    Z_TORQUE_CUT,
+    Z_TORQUE_REACHED,
+    Z_TRUE_STIFFNESS,
+    Z_TUBES,
+    Z_UNEXPLAINED,
+    Z_VALVE_CUT,
+    Z_YIELDS,
+)
+from pam_model.plant.compiled import for_kernel
 
 (U_SPEED_FILTER, U_INTEGRAL_LIMIT, U_PRESSURE_RATE, U_POSITION_DELAY, U_PRESSURE_LAG,
- U_SCHEDULED) = range(6)  # fmt: skip
-U_SCHEDULE: Final = 6
+ U_OFFSET, U_SCHEDULED) = range(7)  # fmt: skip
+U_SCHEDULE: Final = 7
 """Settings of a joint: filter of the speed [s]; limit of the integral; largest rate of the desired
-pressures [Pa/s]; delay of the position and lag of the pressures by the rig file [s]; number of
-scheduled gains, which follow: the stiffness, and `G_PROPORTIONAL` and its like."""
+pressures [Pa/s]; delay of the position and lag of the pressures [s], and offset of the readings of
+the position [rad], by the rig file; number of scheduled gains, which follow: the stiffness, and
+`G_PROPORTIONAL` and its like."""
 (K_POSITION, K_VELOCITY, K_TIME, K_STIFFNESS, K_DELAY, K_SEEN_POSITION, K_SEEN_ERROR,
  K_RATE_LIMITED, K_VALVE_LIMITED) = range(9)  # fmt: skip
 K_GAINS: Final = 9
@@ -135,7 +167,6 @@ def see_motion(k: Any, x: Any, position: float, fresh: float) -> None:
         k[f + F_PLANNED] = x[X_SEEN + 3]
 
 
-@entry_point
 def sense(
     owned: Any, w: Any, x: Any, k: Any, u: Any, d: Any, v: Any, history: Any, ends: Any,
     positions: Any, time: float, position_time: float, measured_at: float, measurement_delay: float,
@@ -148,7 +179,7 @@ def sense(
         Muscles of joints (`muscle_table`) and their plan, cycle, state and settings of joints,
         demands and state of pressure loops, references.
     positions : (n,) array
-        Measured [rad].
+        Readings of the sensors [rad].
     time, position_time, measured_at, measurement_delay : float
         Present time, stamp of the positions, when the pressures were measured, and age of a
         measurement at its stamp [s].
@@ -171,19 +202,19 @@ def sense(
                 copy_moment(muscle, W_ACTS, w[i][0], W_ACTS)
             else:
                 look_up(muscle, W_ACTS, acts, history, ends, i)
-        fresh = take_position(k[i], positions[i], position_time, u[i][U_SPEED_FILTER])
-        error = x[i][X_SEEN + 1] - positions[i]
+        position = positions[i] - u[i][U_OFFSET]
+        fresh = take_position(k[i], position, position_time, u[i][U_SPEED_FILTER])
+        error = x[i][X_SEEN + 1] - position
         gains_at(u[i], U_SCHEDULE, u[i][U_SCHEDULED], k[i][K_STIFFNESS], k[i], K_GAINS)
-        see_motion(k[i], x[i], positions[i], fresh)
+        see_motion(k[i], x[i], position, fresh)
         x[i][X_OUTPUT] = pid_output(k[i], f, K_GAINS, error, fresh)
         x[i][X_INTEGRAL] = k[i][f + F_INTEGRAL]
         x[i][X_OBSERVER] = k[i][K_GAINS + G_OBSERVER]
         x[i][X_POSITION], x[i][X_VELOCITY] = k[i][K_POSITION], k[i][K_VELOCITY]
         x[i][X_FRESH], x[i][X_MEASURED_AT] = fresh, measured_at
-        k[i][K_SEEN_POSITION], k[i][K_SEEN_ERROR] = positions[i], error
+        k[i][K_SEEN_POSITION], k[i][K_SEEN_ERROR] = position, error
 
 
-@entry_point
 def demand(owned: Any, w: Any, x: Any, k: Any, u: Any, d: Any, step: float) -> None:
     """Write what the pressure loops have to do for the plans of all joints."""
     for i in range(len(x)):
@@ -202,16 +233,19 @@ def demand(owned: Any, w: Any, x: Any, k: Any, u: Any, d: Any, step: float) -> N
         k[i][K_RATE_LIMITED] = 1.0 if is_limited else 0.0
 
 
-@entry_point
-def settle(owned: Any, x: Any, k: Any, u: Any, cut: Any, step: float, sinks: bool) -> None:
-    """Advance the integrals of all joints after their valves were commanded.
+def settle(
+    owned: Any, w: Any, x: Any, k: Any, u: Any, v: Any, d: Any, z: Any, step: float, sinks: bool
+) -> None:
+    """Advance the integrals of all joints after their valves were commanded; write the telemetry.
 
-    `cut` is 1 for each valve that was limited; `sinks`: the air is let out slowly.
+    `sinks`: the air is let out slowly.
     """
     for i in range(len(x)):
-        is_cut = False
+        is_cut, tubes = False, 0.0
         for m in range(len(owned[i])):
-            is_cut = is_cut or cut[owned[i][m]] > 0.0
+            is_cut = is_cut or d[owned[i][m]][D_CUT] > 0.0
+            tubes += 1.0 if v[owned[i][m]][V_TUBE] > 0.0 else 0.0
+            z[i][Z_PRESSURES + m] = w[i][m][W_DESIRED]
         k[i][K_VALVE_LIMITED] = 1.0 if is_cut else 0.0
         # a stiffness out of reach costs no torque, so that the integrator may go on
         saturated = is_cut or k[i][K_RATE_LIMITED] > 0.0 or x[i][X_TORQUE_LIMITED] > 0.0
@@ -220,9 +254,25 @@ def settle(owned: Any, x: Any, k: Any, u: Any, cut: Any, step: float, sinks: boo
             u[i][U_INTEGRAL_LIMIT], sinks or (x[i][X_MISSED] == 0.0 and saturated),
             x[i][X_HANDED],
         )  # fmt: skip
+        show(x[i], k[i], z[i], sinks)
+        z[i][Z_TUBES] = tubes
 
 
-@entry_point
+def show(x: Any, k: Any, z: Any, sinks: bool) -> None:
+    """Write the telemetry of a joint, but for that of its muscles."""
+    for place in range(3):
+        z[Z_REFERENCE + place] = x[X_SEEN + 1 + place]
+    z[Z_POSITION], z[Z_SPEED], z[Z_TIME] = k[K_POSITION], k[K_VELOCITY], k[K_TIME]
+    z[Z_ERROR] = k[K_SEEN_ERROR]
+    z[Z_TORQUE], z[Z_STIFFNESS] = x[X_TORQUE], x[X_STIFFNESS]
+    z[Z_TORQUE_REACHED], z[Z_STIFFNESS_REACHED] = x[X_REACHED_TORQUE], x[X_REACHED_STIFFNESS]
+    z[Z_TRUE_STIFFNESS], z[Z_DISTURBANCE] = x[X_TRUE_STIFFNESS], x[X_DISTURBANCE]
+    z[Z_UNEXPLAINED] = math.nan if sinks else x[X_UNEXPLAINED]
+    z[Z_TORQUE_CUT] = x[X_TORQUE_LIMITED]
+    z[Z_STIFFNESS_CUT] = 0.0 if sinks else x[X_STIFFNESS_LIMITED]
+    z[Z_RATE_CUT], z[Z_VALVE_CUT] = k[K_RATE_LIMITED], k[K_VALVE_LIMITED]
+
+
 def longest_delay(owned: Any, k: Any, v: Any) -> float:
     """Longest learnt delay of a command, in addition to the stated ones [s]."""
     longest = 0.0
@@ -249,14 +299,17 @@ class CycleRows:
 
     Attributes
     ----------
-    w, x, k, u
-        Muscles, cycle, state and settings of the joints.
+    w, x, k, u, z
+        Muscles, cycle, state, settings and telemetry of the joints.
     """
 
     def __init__(self, w: Any, x: Any) -> None:
         self.w, self.x = w, x
         self.k = for_kernel(np.zeros((len(x), N_STATE)))
         self.u = for_kernel(np.zeros((len(x), U_SCHEDULE)))
+        z = np.full((len(x), Z_PRESSURES + len(w[0])), math.nan)
+        z[:, Z_YIELDS : Z_TUBES + 1] = 0.0
+        self.z = for_kernel(z)
 
     def use(self, setups: Sequence[JointSetup], joints: Sequence[JointModels]) -> None:
         """Use other settings from the next cycle on."""
@@ -269,6 +322,7 @@ class CycleRows:
                 [
                     setup.settings.derivative_filter, setup.integral_limit,
                     setup.settings.pressure_rate, models.position_delay, models.pressure_lag,
+                    models.joint.position_offset,
                     len(setup.gains.stiffnesses), *schedule,
                 ]
             )  # fmt: skip

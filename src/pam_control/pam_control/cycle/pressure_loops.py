@@ -1,6 +1,6 @@
 """The pressure loops of all muscles: their numbers and states, and what is learnt of their valves.
 
-The compiled functions that they call are in `valve_stage`.
+The functions that work with them are in `valve_stage`.
 """
 
 from __future__ import annotations
@@ -15,9 +15,8 @@ from pam_control.adaptation.flow_adaptation import (
     EVERY,
     FlowAdaptation,
 )
-from pam_control.cycle.valve_stage import command_valves, full_flow, true_pressures
+from pam_control.cycle.valve_stage import full_flow
 from pam_control.feedback.pressure_watch import LEAST_SHARE, begin_watch
-from pam_control.feedback.supply_reservoir import SupplyReservoir
 from pam_control.joint_models import JointModels
 from pam_control.limited import limited
 from pam_control.rows.loop_rows import (
@@ -31,10 +30,12 @@ from pam_control.rows.loop_rows import (
     G_GAIN,
     G_LEAD_RATIO,
     G_SPOOL_LIMIT,
+    N_BIAS,
     N_CONDUCTANCE,
     N_CRITICAL,
     N_DEMAND,
     N_FULL,
+    N_GAIN,
     N_IN_CLOSED_FORM,
     N_LAG,
     N_LONGEST,
@@ -60,7 +61,7 @@ from pam_control.rows.loop_rows import (
 )
 from pam_control.rows.muscle_table import O_JOINT, MuscleTable
 from pam_control.settings import ControlSettings
-from pam_model.plant.compiled import for_kernel, listed_column, prepare
+from pam_model.plant.compiled import for_kernel, listed_column
 from pam_model.plant.control_laws import inverse_row
 from pam_model.robot import Robot, RobotMuscle
 from pam_model.views.gas_volume import gas_space
@@ -140,18 +141,18 @@ class PressureLoops:
         Gives gas, supply, valves and the constants of its joints.
     table : MuscleTable
         The muscle of each row, and its joint.
-    reservoir : SupplyReservoir
-        From which all valves of the robot draw.
-    numbers : rows
+    constants : rows
         Of `pam_model.views.joint_numbers`.
 
     Attributes
     ----------
     loops : list of MuscleLoop
         One for each row.
-    state, demands : rows
-        `loop_rows.V_FACTOR` and its like; `loop_rows.D_REFERENCE` and its like, which have to be
-        written before `command`.
+    numbers, inverses, settings, state, demands : rows
+        `loop_rows.N_FULL`, inverses of the valves, `G_GAIN`, `V_FACTOR`, `D_REFERENCE` and their
+        like.
+    has_open : bool
+        Whether `fill_volumes` has anything to do.
     """
 
     def __init__(
@@ -159,38 +160,32 @@ class PressureLoops:
         robot: Robot,
         joints: Sequence[JointModels],
         table: MuscleTable,
-        reservoir: SupplyReservoir,
-        numbers: Any,
+        constants: Any,
     ) -> None:
         count = len(table.places)
-        self._owners, self._reservoir, self._constants = table.owners, reservoir, numbers
+        self._owners, self._constants = table.owners, constants
         self._muscles = [robot.muscles[place] for place in table.places]
-        self._numbers = for_kernel(np.zeros((count, N_NUMBERS)))
-        self._inverses = for_kernel(
+        self.numbers = for_kernel(np.zeros((count, N_NUMBERS)))
+        self.inverses = for_kernel(
             np.array([inverse_row(robot.rig.muscles[muscle.place]) for muscle in self._muscles])
         )
-        self._settings = for_kernel(np.zeros((len(joints), N_SETTINGS)))
+        self.settings = for_kernel(np.zeros((len(joints), N_SETTINGS)))
         self.state = for_kernel(np.zeros((count, N_STATE)))
         self.demands = for_kernel(np.zeros((count, N_DEMAND)))
-        self._commands, self._cut, self._shown = (for_kernel(np.zeros(count)) for _ in range(3))
         self.loops = [self._loop(robot, k, muscle) for k, muscle in enumerate(self._muscles)]
-        rows = (self._owners, self._constants, self._numbers)
-        prepare(true_pressures, *rows, self.state, self.demands, self._commands, 0.0)
-        prepare(
-            command_valves, *rows, self._inverses, self._settings, self.state, self.demands,
-            0.0, 0.0, 0.0, self._commands, self._cut,
-        )  # fmt: skip
         self._open = [
-            k for k, n in enumerate(self._numbers) if n[N_IN_CLOSED_FORM] == n[N_REGULATED] == 0.0
+            k for k, n in enumerate(self.numbers) if n[N_IN_CLOSED_FORM] == n[N_REGULATED] == 0.0
         ]
+        self.has_open = bool(self._open)
 
     def _loop(self, robot: Robot, k: int, muscle: RobotMuscle) -> MuscleLoop:
         """Write the numbers of a muscle, and make its loop."""
-        n, v, c = self._numbers[k], self.state[k], self._constants[self._owners[k][O_JOINT]]
+        n, v, c = self.numbers[k], self.state[k], self._constants[self._owners[k][O_JOINT]]
         low, high = muscle.force_model.length_bounds
         valve, ambient = muscle.valve, robot.gas.ambient_pressure
         n[N_SIGN] = math.copysign(1.0, muscle.arms[0].length)
         n[N_SHORTEST], n[N_LONGEST] = low + LENGTH_EDGE, high - LENGTH_EDGE
+        n[N_GAIN], n[N_BIAS] = muscle.pressure_gain, muscle.pressure_bias
         n[N_IN_CLOSED_FORM] = float(is_closed_form(c))
         n[N_THRESHOLD] = LEAST_SHARE * muscle.max_pressure
         n[N_LAG], n[N_CONDUCTANCE] = valve.time_constant, valve.sonic_conductance
@@ -220,42 +215,23 @@ class PressureLoops:
         acts : float
             Time until the commands act, from a measurement without age [s].
         """
-        g = self._settings[joint]
+        g = self.settings[joint]
         g[G_GAIN], g[G_LEAD_RATIO] = settings.pressure_gain or 0.0, settings.lead_ratio
         g[G_SPOOL_LIMIT], g[G_ADAPTS], g[G_ACTS] = settings.spool_limit, float(adapts), acts
 
-    def read(self, shown: Sequence[float], step: float) -> None:
-        """Take what the sensors show [Pa gauge] after a step [s], and write `D_PRESSURE`."""
-        self._shown[:] = shown
-        true_pressures(
-            self._owners, self._constants, self._numbers, self.state, self.demands, self._shown,
-            step,
-        )  # fmt: skip
-
-    def command(self, age: float, step: float) -> tuple[Any, Any]:
-        """The commands of all valves, and 1 where one was limited, else 0.
-
-        Parameters
-        ----------
-        age, step : float
-            Age of the measured pressures, and time since the last call [s].
-        """
+    def fill_volumes(self) -> None:
+        """Write the gas volumes of muscles that are not in closed form."""
         for k in self._open:
             d, muscle = self.demands[k], self._muscles[k]
             length = path_length(muscle, {arm.joint: float(d[D_POSITION]) for arm in muscle.arms})
-            length = limited(length, *(self._numbers[k][N_SHORTEST : N_LONGEST + 1]))
+            length = limited(length, *(self.numbers[k][N_SHORTEST : N_LONGEST + 1]))
             gas = max(float(d[D_PRESSURE] + d[D_AHEAD]), 0.0)
             d[D_VOLUME : D_BY_PRESSURE + 1] = gas_space(muscle, gas, length)
-        drawn, is_due = command_valves(
-            self._owners, self._constants, self._numbers, self._inverses, self._settings,
-            self.state, self.demands, self._reservoir.pressure, age, step, self._commands,
-            self._cut,
-        )  # fmt: skip
-        self._reservoir.draw(drawn)
-        if is_due:
-            chattered = listed_column(self.state, V_CHATTERED)
-            since = listed_column(self.state, V_SINCE)
-            for loop, chatters, waited in zip(self.loops, chattered, since, strict=True):
-                if chatters > 0.0 or waited >= EVERY:
-                    loop.update()
-        return self._commands, self._cut
+
+    def learn(self) -> None:
+        """Learn what is due of the valves."""
+        chattered = listed_column(self.state, V_CHATTERED)
+        since = listed_column(self.state, V_SINCE)
+        for loop, chatters, waited in zip(self.loops, chattered, since, strict=True):
+            if chatters > 0.0 or waited >= EVERY:
+                loop.update()

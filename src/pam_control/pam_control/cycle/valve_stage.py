@@ -5,7 +5,7 @@ by the law of the polytropic chamber, m = (V dP/dt / exponent + P dV/dt)/(R T). 
 ISO 6358 flow gives the spool opening, and a lead compensator removes most of the spool's lag. For a
 pressure regulator, the command is the reference itself within its limits.
 
-One compiled function computes the commands of all muscles; its rows are in `loop_rows`.
+The rows of the functions are in `loop_rows`.
 
 Source: ISO 6358 and chamber as in the rig's nominal physics; the inversion is derived here.
 """
@@ -31,6 +31,7 @@ from pam_control.rows.loop_rows import (
     D_AHEAD,
     D_BY_LENGTH,
     D_BY_PRESSURE,
+    D_CUT,
     D_POSITION,
     D_PRESSURE,
     D_RATE,
@@ -42,9 +43,11 @@ from pam_control.rows.loop_rows import (
     G_GAIN,
     G_LEAD_RATIO,
     G_SPOOL_LIMIT,
+    N_BIAS,
     N_CONDUCTANCE,
     N_CRITICAL,
     N_FULL,
+    N_GAIN,
     N_IN_CLOSED_FORM,
     N_LONGEST,
     N_MOST,
@@ -61,9 +64,9 @@ from pam_control.rows.loop_rows import (
     V_SINCE,
     V_TUBE,
 )
-from pam_control.rows.muscle_table import O_JOINT, O_NUMBERS
+from pam_control.rows.muscle_table import O_JOINT, O_NUMBERS, O_PLACE
 from pam_model.gas import GAS_CONSTANT, flow_for_pressure_rate, opening_for_flow, reference_flow
-from pam_model.plant.compiled import entry_point
+from pam_model.physics.pressure_sensor import true_pressure as pressure_of_reading
 from pam_model.plant.composition import leak
 from pam_model.plant.control_laws import flow_opening, spool_position
 from pam_model.plant.layout import (
@@ -207,22 +210,27 @@ def regulator(n: Any, d: Any) -> tuple[float, bool]:
     return given, given != wanted
 
 
-@entry_point
 def true_pressures(owners: Any, c: Any, n: Any, v: Any, d: Any, shown: Any, step: float) -> None:
-    """Write the pressure in every muscle to `D_PRESSURE`, from those that the sensors show [Pa]."""
+    """Write the pressure in every muscle to `D_PRESSURE`.
+
+    `shown` are the readings of the sensors [Pa], of all muscles of the robot.
+    """
     for k in range(len(n)):
+        reading = shown[owners[k][O_PLACE]]
+        pressure = pressure_of_reading(reading, n[k][N_GAIN], n[k][N_BIAS])
         if n[k][N_REGULATED] > 0.0:
-            d[k][D_PRESSURE] = shown[k]
+            d[k][D_PRESSURE] = pressure
         else:
-            d[k][D_PRESSURE] = true_pressure(c[owners[k][O_JOINT]], n[k], v[k], shown[k], step)
+            d[k][D_PRESSURE] = true_pressure(c[owners[k][O_JOINT]], n[k], v[k], pressure, step)
 
 
-@entry_point
 def command_valves(
     owners: Any, c: Any, n: Any, e: Any, g: Any, v: Any, d: Any,
-    supply: float, age: float, step: float, commands: Any, cut: Any,
+    supply: float, age: float, step: float, commands: Any,
 ) -> tuple[float, bool]:  # fmt: skip
-    """Write the command of every valve, and whether it was limited.
+    """Write the command of every valve, and whether it was limited (`D_CUT`).
+
+    `commands` are those of all muscles of the robot.
 
     Returns
     -------
@@ -234,13 +242,13 @@ def command_valves(
     drawn, is_due = 0.0, False
     for k in range(len(n)):
         if n[k][N_REGULATED] > 0.0:
-            commands[k], is_cut = regulator(n[k], d[k])
+            command, is_cut = regulator(n[k], d[k])
         else:
             i, m = owners[k][O_JOINT], owners[k][O_NUMBERS]
-            commands[k], is_cut, flow = flow_valve(
+            command, is_cut, flow = flow_valve(
                 m, c[i], n[k], e[k], g[i], v[k], d[k], c, supply, age, step
             )
             drawn += max(flow, 0.0)
             is_due = is_due or v[k][V_SINCE] >= EVERY or v[k][V_CHATTERED] > 0.0
-        cut[k] = 1.0 if is_cut else 0.0
+        commands[owners[k][O_PLACE]], d[k][D_CUT] = command, 1.0 if is_cut else 0.0
     return drawn, is_due

@@ -43,14 +43,39 @@ section 4 (stick-slip: the cycle in which the speed comes to zero and stays on o
 from __future__ import annotations
 
 import math
-from collections import deque
 from itertools import pairwise
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-SWINGS: Final = 4  # this many equal ones in a row are an oscillation
+from pam_control.plan_memory import newest
+from pam_control.rows.watch_rows import (
+    B_BEGAN,
+    B_BEND,
+    B_CHANGE,
+    B_CHANGES,
+    B_DIRECTION,
+    B_ERROR,
+    B_FARTHEST,
+    B_LAST,
+    B_LAST_AT,
+    B_MOVES,
+    B_N_SWINGS,
+    B_PUSH_SIGN,
+    B_REACHED_AT,
+    B_RESTS,
+    B_SWINGS,
+    B_SWUNG,
+    B_TIME,
+    N_SWING,
+    SWING_CHANGES,
+    SWING_DURATION,
+    SWING_RESTS,
+    SWING_SIZE,
+    SWINGS,
+)
+
 CYCLE: Final = 2  # swings, which tell the cause where another watch has seen an oscillation
 LEAST: Final = 3e-3  # rad, from one turning point to the next; smaller ones are harmless
 TURN: Final = 1e-3  # rad back from the farthest place make a turning point, at least
@@ -70,33 +95,107 @@ KEPT: Final = 4.0 * LONGEST  # s
 Array = npt.NDArray[np.float64]
 
 
-class Reversals:
-    """Counts the changes of one reference: of the direction of its acceleration, or its end."""
-
-    def __init__(self) -> None:
-        self._sign = 0.0
-        self._moves = False
-
-    def update(self, velocity: float, acceleration: float) -> int:
-        """How many changes there are in this cycle."""
-        moves = velocity != 0.0 or acceleration != 0.0
-        changes = int(moves != self._moves)
-        self._moves = moves
-        if acceleration * self._sign < 0.0:
-            changes += 1
-        if acceleration != 0.0:
-            self._sign = math.copysign(1.0, acceleration)
-        return changes
+def reference_changes(b: Any, velocity: float, acceleration: float) -> float:
+    """How many changes of a reference there are: of its acceleration's direction, or its end."""
+    moves = 1.0 if velocity != 0.0 or acceleration != 0.0 else 0.0
+    changes = 1.0 if moves != b[B_MOVES] else 0.0
+    b[B_MOVES] = moves
+    if acceleration * b[B_PUSH_SIGN] < 0.0:
+        changes += 1.0
+    if acceleration != 0.0:
+        b[B_PUSH_SIGN] = math.copysign(1.0, acceleration)
+    return changes
 
 
-class Swing(NamedTuple):
-    """From one turning point of the error to the next."""
+def begin_swings(b: Any, ends: Any) -> None:
+    """Forget what was seen of the error; `ends` are those of the places of the joint."""
+    b[B_BEGAN], b[B_DIRECTION] = math.inf, 0.0
+    b[B_FARTHEST] = b[B_LAST] = math.nan
+    b[B_REACHED_AT] = b[B_LAST_AT] = 0.0
+    b[B_TIME] = b[B_ERROR] = b[B_CHANGE] = math.nan
+    b[B_BEND], b[B_CHANGES], b[B_RESTS] = 0.0, 0.0, 1.0
+    b[B_SWUNG] = b[B_N_SWINGS] = 0.0
+    ends[0], ends[1] = 0, 0
 
-    # size, duration: [rad], [s]
-    size: float
-    duration: float
-    changes: int  # of the references meanwhile
-    rests: bool  # whether all references rested
+
+def watch_swings(
+    b: Any, places: Any, ends: Any, time: float, error: float, position: float, changes: float,
+    rests: float, torque: float,
+) -> bool:  # fmt: skip
+    """Take a cycle; return whether a swing has ended, so that `last_swings` may see something.
+
+    Parameters
+    ----------
+    b, places, ends : row, rows, (int, int)
+        Of the joint (`watch_rows`), and of where it was lately: time, position, torque.
+    time : float
+        [s].
+    error : float
+        Reference minus measured position [rad].
+    position : float
+        Measured [rad].
+    changes : float
+        Of all references in this cycle.
+    rests : float
+        Whether all references rest.
+    torque : float
+        Of the muscles, beside that of the model without inertia [N m]; NaN if it is not known.
+    """
+    b[B_BEGAN] = min(b[B_BEGAN], time)
+    if time - b[B_BEGAN] < SETTLES:
+        return False
+    ends[1] += 1
+    row = places[newest(places, ends)]
+    row[0], row[1], row[2] = time, position, torque
+    if places[ends[0]][0] < time - KEPT:
+        ends[0] = (ends[0] + 1) % len(places)
+        ends[1] -= 1
+    b[B_CHANGES] += changes
+    b[B_RESTS] = min(b[B_RESTS], rests)
+    turn = turning_way(b, time, error)
+    if math.isnan(b[B_FARTHEST]):
+        b[B_FARTHEST], b[B_REACHED_AT] = error, time
+    ahead = error - b[B_FARTHEST]
+    if b[B_DIRECTION] == 0.0:
+        if abs(ahead) > turn:
+            b[B_DIRECTION] = math.copysign(1.0, ahead)
+            turn_round(b, time, error)
+        return False
+    if ahead * b[B_DIRECTION] > 0.0:
+        b[B_FARTHEST], b[B_REACHED_AT] = error, time
+    if ahead * b[B_DIRECTION] >= -turn:
+        return False
+    if b[B_N_SWINGS] == SWINGS:
+        for at in range(B_SWINGS, B_SWINGS + (SWINGS - 1) * N_SWING):
+            b[at] = b[at + N_SWING]
+        b[B_N_SWINGS] -= 1.0
+    at = B_SWINGS + int(b[B_N_SWINGS]) * N_SWING
+    b[B_N_SWINGS] += 1.0
+    b[at + SWING_SIZE] = abs(b[B_FARTHEST] - b[B_LAST])
+    b[at + SWING_DURATION] = b[B_REACHED_AT] - b[B_LAST_AT]
+    b[at + SWING_CHANGES], b[at + SWING_RESTS] = b[B_CHANGES], b[B_RESTS]
+    b[B_DIRECTION] = -b[B_DIRECTION]
+    turn_round(b, time, error)
+    b[B_CHANGES], b[B_RESTS] = 0.0, rests
+    return True
+
+
+def turn_round(b: Any, time: float, error: float) -> None:
+    """Let the farthest error be the last turning point, and go on from this one [rad]."""
+    b[B_LAST], b[B_LAST_AT] = b[B_FARTHEST], b[B_REACHED_AT]
+    b[B_FARTHEST], b[B_REACHED_AT] = error, time
+
+
+def turning_way(b: Any, time: float, error: float) -> float:
+    """How far back from the farthest place is a turning point now [rad]."""
+    change, step = error - b[B_ERROR], time - b[B_TIME]
+    bend = abs(change - b[B_CHANGE])
+    if bend >= b[B_BEND]:
+        b[B_BEND] = bend
+    elif step > 0.0:
+        b[B_BEND] *= max(1.0 - step / LATELY, 0.0)
+    b[B_TIME], b[B_ERROR], b[B_CHANGE] = time, error, change
+    return float(max(TURN, ABOVE_NOISE * b[B_BEND]))
 
 
 class Swings(NamedTuple):
@@ -109,132 +208,50 @@ class Swings(NamedTuple):
     rubs: bool = False  # whether friction takes more torque than the swings have
 
 
-class SwingWatch:
-    """The turning points of the error of one joint."""
+def last_swings(b: Any, places: Any, ends: Any, count: int = SWINGS) -> Swings | None:
+    """The oscillation of which the last swings of a joint are, if they are of one.
 
-    def __init__(self) -> None:
-        self.reset()
-
-    def reset(self) -> None:
-        """Forget what was seen."""
-        self._since = math.inf
-        self._direction = 0.0
-        self._farthest = self._last = math.nan  # errors: present extreme, and last turning point
-        self._reached = self._turned = 0.0  # when they were reached
-        self._time = self._before = self._change = math.nan  # of the last sample
-        self._bend = 0.0  # largest second difference of the error lately, rad
-        self._changes, self._rests = 0, True
-        self._swings: deque[Swing] = deque(maxlen=SWINGS)
-        self._places: deque[tuple[float, float, float]] = deque()
-
-    def update(
-        self,
-        time: float,
-        error: float,
-        position: float,
-        changes: int,
-        rests: bool,
-        torque: float = math.nan,
-    ) -> Swings | None:
-        """Take a cycle.
-
-        Parameters
-        ----------
-        time : float
-            [s].
-        error : float
-            Reference minus measured position [rad].
-        position : float
-            Measured [rad].
-        changes : int
-            Of all references in this cycle.
-        rests : bool
-            Whether all references rest.
-        torque : float, optional
-            Of the muscles, beside that of the model without inertia [N m]; NaN if it is not known.
-
-        Returns
-        -------
-        Swings or None
-            What is seen since the last turning point.
-        """
-        self._since = min(self._since, time)
-        if time - self._since < SETTLES:
-            return None
-        self._places.append((time, position, torque))
-        if self._places[0][0] < time - KEPT:
-            self._places.popleft()
-        self._changes += changes
-        self._rests = self._rests and rests
-        turn = self._turning(time, error)
-        if math.isnan(self._farthest):
-            self._farthest, self._reached = error, time
-        ahead = error - self._farthest
-        if self._direction == 0.0:
-            if abs(ahead) > turn:
-                self._direction = math.copysign(1.0, ahead)
-                self._last, self._turned = self._farthest, self._reached
-                self._farthest, self._reached = error, time
-            return None
-        if ahead * self._direction > 0.0:
-            self._farthest, self._reached = error, time
-        if ahead * self._direction >= -turn:
-            return None
-        size, duration = abs(self._farthest - self._last), self._reached - self._turned
-        self._swings.append(Swing(size, duration, self._changes, self._rests))
-        self._last, self._turned = self._farthest, self._reached
-        self._direction = -self._direction
-        self._farthest, self._reached = error, time
-        self._changes, self._rests = 0, rests
-        return self._seen()
-
-    def _turning(self, time: float, error: float) -> float:
-        """How far back from the farthest place is a turning point now [rad]."""
-        change, step = error - self._before, time - self._time
-        bend = abs(change - self._change)
-        if bend >= self._bend:
-            self._bend = bend
-        elif step > 0.0:
-            self._bend *= max(1.0 - step / LATELY, 0.0)
-        self._time, self._before, self._change = time, error, change
-        return max(TURN, ABOVE_NOISE * self._bend)
-
-    def last_cycle(self) -> Swings | None:
-        """The last cycle if it was one of an oscillation, which may grow."""
-        return self._seen(CYCLE)
-
-    def _seen(self, count: int = SWINGS) -> Swings | None:
-        swings = list(self._swings)[-count:]
-        if len(swings) < count or any(
-            swing.size < LEAST or not SHORTEST <= swing.duration <= LONGEST for swing in swings
-        ):
-            return None
-        sizes, durations = [swing.size for swing in swings], [swing.duration for swing in swings]
-        fades = sizes[-1] < FADING * sizes[0] or min(sizes) < FADING**2 * max(sizes)
-        if fades or any(swing.changes for swing in swings):
-            return None
-        rests = all(swing.rests for swing in swings)
-        if not (
-            all(_even(*pair, UNEVEN) for pair in pairwise(durations))
-            or (
-                not rests
-                and count > CYCLE
-                and all(_even(durations[way], durations[way + 2], UNEQUAL) for way in (0, 1))
-            )
-        ):
-            return None
-        lasted = sum(durations)
-        times, places, torques = np.array(self._places).T
-        at = np.linspace(self._turned - lasted, self._turned, count * PARTS + 1)
-        ways = np.diff(np.interp(at, times, places))
-        during = (times >= at[0]) & (times <= at[-1])
-        return Swings(
-            sizes[-1],
-            count / (2.0 * lasted),
-            rests,
-            _sticks(ways, rests),
-            _rubs(places[during], torques[during]),
+    `CYCLE` of them may grow.
+    """
+    kept = int(b[B_N_SWINGS])
+    if kept < count:
+        return None
+    swings = [
+        [float(b[B_SWINGS + number * N_SWING + place]) for place in range(N_SWING)]
+        for number in range(kept - count, kept)
+    ]
+    sizes, durations, changes, rested = zip(*swings, strict=True)
+    if not all(size >= LEAST for size in sizes) or not all(
+        SHORTEST <= duration <= LONGEST for duration in durations
+    ):
+        return None
+    fades = sizes[-1] < FADING * sizes[0] or min(sizes) < FADING**2 * max(sizes)
+    if fades or any(changes):
+        return None
+    rests = all(rested)
+    if not (
+        all(_even(*pair, UNEVEN) for pair in pairwise(durations))
+        or (
+            not rests
+            and count > CYCLE
+            and all(_even(durations[way], durations[way + 2], UNEQUAL) for way in (0, 1))
         )
+    ):
+        return None
+    lasted, until = sum(durations), float(b[B_LAST_AT])
+    first, last = int(ends[0]), int(ends[0] + ends[1])
+    order = np.arange(first, last) % len(places)
+    times, where, torques = np.asarray(places)[order].T
+    at = np.linspace(until - lasted, until, count * PARTS + 1)
+    ways = np.diff(np.interp(at, times, where))
+    during = (times >= at[0]) & (times <= at[-1])
+    return Swings(
+        sizes[-1],
+        count / (2.0 * lasted),
+        rests,
+        _sticks(ways, rests),
+        _rubs(where[during], torques[during]),
+    )
 
 
 def _sticks(ways: Array, rests: bool) -> bool:

@@ -213,6 +213,14 @@ class Law[State](ABC):
         """Take the commanded stiffness [N m/rad] of a joint for the cycle that is being planned."""
         return state
 
+    def asks_again(self, settings: ControlSettings, adapts: bool) -> bool:
+        """Whether `ask` answers otherwise in each cycle, even for the same stiffness."""
+        return True
+
+    def scheduling(self, states: Sequence[State]) -> tuple[Any, int, Any, int]:
+        """Rows of all joints and a place in them that hold `stiffness`; the same for `delay`."""
+        raise NotImplementedError(f"{self.name} plans each joint alone")
+
     def plan_together(
         self, states: Sequence[State], step: float, learners: Mapping[int, MotionLearner]
     ) -> None:

@@ -137,6 +137,8 @@ OBSERVE, AHEAD, NOW, AIM, REACHED = range(5)
 """The parts of a plan. OBSERVE: pressures at the time of the position, torques that are known and
 learnt. AHEAD: the pressures for the time when the valves act. NOW: what those of now lack, and
 what is learnt from it. AIM: torque and stiffness for now. REACHED: the plan."""
+RESUME: Final = 5
+"""From AIM on, the joints that have stopped there because something of them is due."""
 
 
 def compares(s: Any, x: Any) -> bool:
@@ -337,6 +339,50 @@ def planned(w: Any, x: Any, y: Any) -> None:
     x[X_TRUE_STIFFNESS] = x[X_FACTOR] * x[X_REACHED_STIFFNESS]
 
 
+def has_due(x: Any) -> bool:
+    """Whether something of a joint is due to be learnt."""
+    return bool(x[X_IS_DUE] > 0.0 or x[X_ESTIMATE_DUE] > 0.0)
+
+
+def plan_joint(
+    first: int, last: int, step: float, c: Any, j: Any, s: Any, w: Any, x: Any, y: Any, a: Any,
+    memory: Any, plans: Any, plan_ends: Any, samples: Any, sample_ends: Any, table: Any,
+) -> bool:  # fmt: skip
+    """Go through parts of the plan for one joint; the rows are those of `plan_parts`.
+
+    `table` are any rows. A joint of which something is due stops behind NOW; then True is returned.
+    """
+    ahead, closed, is_due = s[S_FEEDFORWARD] > 0.0, j[J_IN_CLOSED_FORM] > 0.0, False
+    if first <= OBSERVE <= last:
+        reach_stiffness = s[S_STIFFNESS_RATE] * step
+        y[Y_STIFFNESS] += limited(x[X_WANTED] - y[Y_STIFFNESS], -reach_stiffness, reach_stiffness)
+        if ahead:
+            observe(c, j, s, w, x, y, a, memory, plans, plan_ends, samples, sample_ends)
+            if closed:
+                measured_torques(c, s, w, x, table)
+    if first <= AHEAD <= last and ahead:
+        ask_ahead(c, w, x, y)
+        if closed:
+            reach(c, j, w, x, table)
+            place = inside(j, x[X_ASKED_POSITION])
+            _, y[Y_GRIP] = muscles_torques(c, table, w, W_LINE, W_REACHED, place)
+    if first <= NOW <= last and ahead:
+        plan_now(c, j, s, w, x, y, a, plans, plan_ends, step)
+        is_due = has_due(x)
+    if is_due:
+        return True
+    if first <= AIM <= last:
+        if ahead:
+            aim_ahead(c, s, w, x, y, a)
+        else:
+            aim_at_output(w, x, y)
+        if closed:
+            reach(c, j, w, x, table)
+    if first <= REACHED <= last:
+        planned(w, x, y)
+    return False
+
+
 @entry_point
 def plan_parts(
     first: int, last: int, begin: int, end: int, step: float, c: Any, j: Any, s: Any, w: Any,
@@ -347,7 +393,7 @@ def plan_parts(
     Parameters
     ----------
     first, last : int
-        The parts, both included.
+        The parts, both included; but a joint of which something is due takes none behind NOW.
     begin, end : int
         The joints from `begin` to before `end`.
     step : float
@@ -359,38 +405,16 @@ def plan_parts(
     Returns
     -------
     bool
-        Whether something is due to be learnt.
+        Whether something is due to be learnt of a joint.
     """
     is_due = False
     for i in range(begin, end):
-        ahead, closed = s[i][S_FEEDFORWARD] > 0.0, j[i][J_IN_CLOSED_FORM] > 0.0
-        if first <= OBSERVE <= last:
-            reach_stiffness = s[i][S_STIFFNESS_RATE] * step
-            change = limited(x[i][X_WANTED] - y[i][Y_STIFFNESS], -reach_stiffness, reach_stiffness)
-            y[i][Y_STIFFNESS] += change
-            if ahead:
-                observe(
-                    c[i], j[i], s[i], w[i], x[i], y[i], a[i], memory[i], plans[i], plan_ends[i],
-                    samples[i], sample_ends[i],
-                )  # fmt: skip
-                if closed:
-                    measured_torques(c[i], s[i], w[i], x[i], c)
-        if first <= AHEAD <= last and ahead:
-            ask_ahead(c[i], w[i], x[i], y[i])
-            if closed:
-                reach(c[i], j[i], w[i], x[i], c)
-                place = inside(j[i], x[i][X_ASKED_POSITION])
-                _, y[i][Y_GRIP] = muscles_torques(c[i], c, w[i], W_LINE, W_REACHED, place)
-        if first <= NOW <= last and ahead:
-            plan_now(c[i], j[i], s[i], w[i], x[i], y[i], a[i], plans[i], plan_ends[i], step)
-            is_due = is_due or x[i][X_IS_DUE] > 0.0 or x[i][X_ESTIMATE_DUE] > 0.0
-        if first <= AIM <= last:
-            if ahead:
-                aim_ahead(c[i], s[i], w[i], x[i], y[i], a[i])
-            else:
-                aim_at_output(w[i], x[i], y[i])
-            if closed:
-                reach(c[i], j[i], w[i], x[i], c)
-        if first <= REACHED <= last:
-            planned(w[i], x[i], y[i])
+        begins = first
+        if first == RESUME and s[i][S_FEEDFORWARD] > 0.0 and has_due(x[i]):
+            begins = AIM
+        if plan_joint(
+            begins, last, step, c[i], j[i], s[i], w[i], x[i], y[i], a[i], memory[i], plans[i],
+            plan_ends[i], samples[i], sample_ends[i], c,
+        ):  # fmt: skip
+            is_due = True
     return is_due

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
@@ -26,6 +26,7 @@ from pam_control.laws.position_plan import (
     NOW,
     OBSERVE,
     REACHED,
+    RESUME,
     compares,
     plan_parts,
 )
@@ -97,12 +98,9 @@ from pam_control.rows.plan_rows import (
 from pam_control.settings import ControlSettings
 from pam_model.effects.slots import PullState
 from pam_model.joints.muscle_inverse import L_RATIO
-from pam_model.plant.compiled import for_kernel, prepare
+from pam_model.plant.compiled import for_kernel, listed_column, prepare
 from pam_model.plant.layout import N_MUSCLE_STATES
 from pam_model.views.joint_numbers import is_closed_form, joint_numbers
-
-JOINTS_PER_PART: Final = 3
-"""Of several joints whose models are built anew, one in so many does a part of it in a cycle."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -219,7 +217,8 @@ class PositionRows:
         self.samples.make_room()
         rows = self._rows(begin, end, step)
         others = [k for k in self._open if begin <= k < end]
-        if others or learners:
+        in_parts = bool(others or learners)
+        if in_parts:
             plan_parts(OBSERVE, OBSERVE, *rows)
             for place in others:
                 self._measured_torques(place)
@@ -235,44 +234,44 @@ class PositionRows:
                     )
             is_due = plan_parts(NOW, NOW, *rows)
         else:
-            is_due = plan_parts(OBSERVE, NOW, *rows)
+            is_due = plan_parts(OBSERVE, REACHED, *rows)
         for place in range(begin, end):
             self.estimates[place].stiffness.go_on()
         self._rebuild(step)
         if is_due:
-            for place in range(begin, end):
-                self._learn(place)
+            self._learn(begin, end)
         if others:
             plan_parts(AIM, AIM, *rows)
             for place in others:
                 self._reach(place)
             plan_parts(REACHED, REACHED, *rows)
-        else:
+        elif in_parts:
             plan_parts(AIM, REACHED, *rows)
+        elif is_due:
+            plan_parts(RESUME, REACHED, *rows)
 
     def _rebuild(self, step: float) -> None:
-        """Let few joints do parts of what takes long, in turns."""
-        chosen = math.ceil(len(self.estimates) / JOINTS_PER_PART)
-        for _ in self.estimates:
-            self._turn = (self._turn + 1) % len(self.estimates)
+        """Let one joint do a part of what takes long, in turns."""
+        count = len(self.estimates)
+        for _ in range(count):
+            self._turn = (self._turn + 1) % count
             stiffness = self.estimates[self._turn].stiffness
             if stiffness.rebuilds:
                 stiffness.rebuild(step)
-                chosen -= 1
-                if chosen == 0:
-                    return
+                return
 
-    def _learn(self, place: int) -> None:
-        """Update the fits of a joint that are due."""
-        x, y, estimates = self.x[place], self.y[place], self.estimates[place]
-        if x[X_ESTIMATE_DUE] > 0.0:
-            stiffness = estimates.stiffness
-            stiffness.since = float(y[Y_SINCE_ESTIMATE])
-            aligned = self.column(place, W_LAGGING)
-            stiffness.learn(0.0, aligned, float(x[X_LAGGING_INSIDE]), float(x[X_BESIDE]))
-            y[Y_SINCE_ESTIMATE] = stiffness.since
-        if x[X_IS_DUE] > 0.0:
-            estimates.adaptation.update()
+    def _learn(self, begin: int, end: int) -> None:
+        """Update the fits that are due of the joints from `begin` to before `end`."""
+        fits, estimates = listed_column(self.x, X_IS_DUE), listed_column(self.x, X_ESTIMATE_DUE)
+        for place in range(begin, end):
+            if estimates[place] > 0.0:
+                x, y, stiffness = self.x[place], self.y[place], self.estimates[place].stiffness
+                stiffness.since = float(y[Y_SINCE_ESTIMATE])
+                aligned = self.column(place, W_LAGGING)
+                stiffness.learn(0.0, aligned, float(x[X_LAGGING_INSIDE]), float(x[X_BESIDE]))
+                y[Y_SINCE_ESTIMATE] = stiffness.since
+            if fits[place] > 0.0:
+                self.estimates[place].adaptation.update()
 
     def column(self, place: int, column: int) -> tuple[float, ...]:
         """A column of the rows of a joint's muscles, such as `W_PRESSURE`."""

@@ -32,6 +32,7 @@ from pam_control.laws.position_rows import Estimates, PositionRows
 from pam_control.learning.motion_learner import MotionLearner
 from pam_control.plan_memory import newest
 from pam_control.rows.plan_rows import (
+    A_DELAY,
     P_MEMORY,
     W_ACTS,
     W_AHEAD,
@@ -256,6 +257,15 @@ class PositionStiffness(Law[PositionStiffnessState]):
             correction = _corrected(models, state, stiffness)
         x[X_WANTED], x[X_FACTOR] = stiffness / correction.factor, correction.factor
         return state if correction is state.correction else state._replace(correction=correction)
+
+    def asks_again(self, settings: ControlSettings, adapts: bool) -> bool:
+        """Only a correction that follows what is learnt changes what is asked for."""
+        return adapts and settings.stiffness_corrected
+
+    def scheduling(self, states: Sequence[PositionStiffnessState]) -> tuple[Any, int, Any, int]:
+        """See `stiffness` and `delay`."""
+        rows = states[0].rows
+        return rows.y, Y_STIFFNESS, rows.a, A_DELAY
 
     def plan_together(
         self,

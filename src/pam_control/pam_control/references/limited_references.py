@@ -39,6 +39,8 @@ LONGEST_FILTER_STEP: Final = 0.02  # s
 KEPT_AT_LEAST: Final = 0.2  # s
 FIRST_SIZE: Final = 256  # of the history; it grows when it is full
 
+ADVANCED, EXPIRED = -1, -2
+"""What `advance_references` returns instead of the number of a joint."""
 HOLD, TRAJECTORY, STREAM = range(3)
 (R_KIND, R_HELD, R_PLANNED, R_TARGET, R_SPEED, R_RECEIVED, R_POSITION, R_VELOCITY, R_ACCELERATION,
  R_ADVANCED, R_CLIPPED) = range(11)  # fmt: skip
@@ -96,47 +98,55 @@ def in_range(lim: Any, state: State) -> State:
     return state
 
 
-@entry_point
-def advance_streams(
-    limits: Any, sources: Any, now: float, until: float, timeout: float, bandwidth: float
-) -> int:
-    """Filter all streams until a time [s]; return how many are too old, which are left alone."""
-    old = 0
+def have_expired(sources: Any, now: float, timeout: float) -> bool:
+    """Whether a stream is too old."""
     for i in range(len(sources)):
-        if sources[i][R_KIND] == STREAM:
-            if now - sources[i][R_RECEIVED] > timeout:
-                old += 1
-            else:
-                filter_stream(limits[i], sources[i], until, bandwidth)
-    return old
+        if sources[i][R_KIND] == STREAM and now - sources[i][R_RECEIVED] > timeout:
+            return True
+    return False
 
 
 @entry_point
 def advance_references(
-    limits: Any, sources: Any, targets: Any, history: Any, ends: Any, time: float, oldest: float
-) -> int:
-    """Advance the references of all joints by a step to a time [s].
+    now: float, until: float, time: float, oldest: float, timeout: float, bandwidth: float,
+    limits: Any, sources: Any, targets: Any, history: Any, ends: Any,
+) -> int:  # fmt: skip
+    """Advance the streams, and the references of all joints by a step.
 
     Parameters
     ----------
+    now, until : float
+        Present time, and until when streams are filtered [s].
+    time, oldest : float
+        Time of the step; older rows of the history are forgotten, but for two [s].
+    timeout, bandwidth : float
+        Of streams [s], [rad/s].
     limits, sources, targets : rows
         `L_VELOCITY`, `R_KIND`, `T_POSITION` and their like.
     history : rows
         With room for one more.
     ends : (int, int)
         First row of the history, and how many there are.
-    time, oldest : float
-        Time of the step; older rows of the history are forgotten, but for two [s].
 
     Returns
     -------
     int
-        -1, or the first joint whose `T_SHARE` has to be computed; then the history is unchanged.
+        `ADVANCED`; or, with an unchanged history, `EXPIRED` if a stream is too old, or the first
+        joint whose `T_SHARE` has to be computed.
     """
+    if have_expired(sources, now, timeout):
+        return EXPIRED
+    for i in range(len(sources)):
+        if sources[i][R_KIND] == STREAM:
+            filter_stream(limits[i], sources[i], until, bandwidth)
     size = len(history)
     last = history[(ends[0] + ends[1] - 1) % size]
     new = history[(ends[0] + ends[1]) % size]
     step = time - last[0]
+    if last[0] == -math.inf:
+        last[0] = time
+    if not 0.0 < step < math.inf:
+        return ADVANCED
     for i in range(len(sources)):
         lim, t, o = limits[i], targets[i], 1 + 3 * i
         if sources[i][R_KIND] == TRAJECTORY:
@@ -144,21 +154,23 @@ def advance_references(
         else:
             target = held_or_streamed(sources[i], time)
         target = in_range(lim, target)
-        now = (last[o], last[o + 1], last[o + 2])
+        before = (last[o], last[o + 1], last[o + 2])
         planned = sources[i][R_PLANNED] > 0.0
-        verdict, state = limited_step(lim, now, target, step, planned, t[T_SHARE])
+        verdict, state = limited_step(lim, before, target, step, planned, t[T_SHARE])
         if verdict == UNDECIDED:
             t[T_POSITION], t[T_VELOCITY], t[T_ACCELERATION] = target
             return i
         t[T_LIMITED] = 1.0 if verdict == BEYOND else 0.0
         t[T_GAP] = abs(target[0] - state[0])
         new[o], new[o + 1], new[o + 2] = state
+    for i in range(len(targets)):
+        targets[i][T_SHARE] = math.nan  # of this step
     new[0] = time
     ends[1] += 1
     while ends[1] > 2 and history[(ends[0] + 1) % size][0] < oldest:
         ends[0] = (ends[0] + 1) % size
         ends[1] -= 1
-    return -1
+    return ADVANCED
 
 
 def reference_at(history: Any, ends: Any, joint: int, time: float) -> State:
@@ -230,15 +242,18 @@ class LimitedReferences:
         self.keep = KEPT_AT_LEAST
         self.rows = for_kernel(np.zeros((count, N_LIMITS)))
         self.sources = for_kernel(np.zeros((count, N_SOURCE)))
-        self._targets = for_kernel(np.zeros((count, N_TARGET)))
+        targets = np.zeros((count, N_TARGET))
+        targets[:, T_SHARE] = math.nan
+        self._targets = for_kernel(targets)
         self.history = for_kernel(np.zeros((FIRST_SIZE, 1 + 3 * count)))
         self.ends = for_kernel(np.array([0, 1]))
-        self.history[0][0] = -math.inf
+        self.history[0][0] = self._newest = -math.inf
+        self._room = 0  # rows for which there is room in the history, at least
         for joint in range(count):
             self.use(joint, limits[joint])
         rows, sources, history, ends = self.rows, self.sources, self.history, self.ends
-        prepare(advance_streams, rows, sources, 0.0, 0.0, 0.0, 0.0)
-        prepare(advance_references, rows, sources, self._targets, history, ends, 0.0, 0.0)
+        numbers = (0.0,) * 6
+        prepare(advance_references, *numbers, rows, sources, self._targets, history, ends)
         prepare(sampled, history, ends, 0, 0.0)
 
     def use(self, joint: int, limits: MotionLimits) -> None:
@@ -259,7 +274,7 @@ class LimitedReferences:
         last = self._last
         self.ends[0], self.ends[1] = 0, 1
         self.history[0][:] = last
-        self.history[0][0] = -math.inf
+        self.history[0][0] = self._newest = -math.inf
 
     @property
     def _last(self) -> Any:
@@ -282,47 +297,65 @@ class LimitedReferences:
         return JointReference(*sampled(self.history, self.ends, joint, time))
 
     def advance(
-        self, time: float, trajectories: Sequence[tuple[int, Callable[[float], JointReference]]]
-    ) -> None:
-        """Follow the sources up to `time` [s]; an earlier time than before changes nothing.
+        self,
+        now: float,
+        until: float,
+        timeout: float,
+        bandwidth: float,
+        trajectories: Sequence[tuple[int, Callable[[float], JointReference]]],
+    ) -> bool:
+        """Follow the sources; return False, without a change, if a stream is too old.
 
         Parameters
         ----------
-        time : float
-            [s].
+        now, until : float
+            Present time, and until when the sources are followed [s]; an earlier time than before
+            changes nothing.
+        timeout, bandwidth : float
+            Of streams [s], [rad/s].
         trajectories : sequence of (int, callable)
             The joints that follow one, and its state at a time [s].
         """
-        last = float(self._last[0])
-        if last == -math.inf:
-            self.history[self.ends[0]][0] = time
-            return
-        while last < time:
-            # a remainder of rounding would be a step of no length
-            step = time - last if time - last < 1.5 * LONGEST_STEP else LONGEST_STEP
-            last = time if step == time - last else last + step
+        targets, oldest = self._targets, until - self.keep
+        while True:
+            left, time = until - self._newest, until
+            if 1.5 * LONGEST_STEP <= left < math.inf:
+                time = self._newest + LONGEST_STEP
+            # else a remainder of rounding would be a step of no length
             for joint, source in trajectories:
-                state = source(last)
-                target = self._targets[joint]
+                state, target = source(time), targets[joint]
                 target[T_POSITION], target[T_VELOCITY], target[T_ACCELERATION] = (
                     state.position, state.velocity, state.acceleration,
                 )  # fmt: skip
-            self._step(last, time)
+            self._make_room()
+            arguments = (
+                now, until, time, oldest, timeout, bandwidth, self.rows, self.sources, targets,
+                self.history, self.ends,
+            )  # fmt: skip
+            while (found := advance_references(*arguments)) >= 0:
+                self._share(found, time)
+            if found == EXPIRED:
+                return False
+            self._newest = max(self._newest, time)
+            if self._newest >= until:
+                return True
 
-    def _step(self, last: float, time: float) -> None:
-        if self.ends[1] == len(self.history):
-            self._grow()
-        targets, oldest = self._targets, time - self.keep
-        arguments = (self.rows, self.sources, targets, self.history, self.ends, last, oldest)
-        for target in targets:
-            target[T_SHARE] = math.nan
-        while (joint := advance_references(*arguments)) >= 0:
-            target, now = targets[joint], self._last
-            state = JointReference(
-                float(target[T_POSITION]), float(target[T_VELOCITY]), float(target[T_ACCELERATION])
-            )
-            push = (state.acceleration - float(now[3 + 3 * joint])) / (last - float(now[0]))
-            target[T_SHARE] = self.limits[joint].share(state, push)
+    def _share(self, joint: int, time: float) -> None:
+        """Compute `T_SHARE` of a joint for a step to a time [s]."""
+        target, last = self._targets[joint], self._last
+        state = JointReference(
+            float(target[T_POSITION]), float(target[T_VELOCITY]), float(target[T_ACCELERATION])
+        )
+        push = (state.acceleration - float(last[3 + 3 * joint])) / (time - float(last[0]))
+        target[T_SHARE] = self.limits[joint].share(state, push)
+
+    def _make_room(self) -> None:
+        """Let there be room for one row more in the history."""
+        self._room -= 1
+        if self._room <= 0:
+            self._room = len(self.history) - int(self.ends[1])
+            if self._room == 0:
+                self._grow()
 
     def _grow(self) -> None:
         """Double the room of the history."""
@@ -330,3 +363,4 @@ class LimitedReferences:
         rows = np.array(self.history)
         rows = np.concatenate((rows[first:], rows[:first], np.zeros_like(rows)))
         self.history, self.ends = for_kernel(rows), for_kernel(np.array([0, count]))
+        self._room = len(rows) - count

@@ -33,7 +33,6 @@ from pam_control.references.limited_references import (
     STREAM,
     TRAJECTORY,
     LimitedReferences,
-    advance_streams,
     held_or_streamed,
     in_range,
 )
@@ -349,22 +348,26 @@ class ReferenceGenerator:
 
     def advance(self, now: float) -> list[str]:
         """Advance to `now` [s] and the horizon; return the joints whose stream timed out."""
-        expired: list[str] = []
-        until, references = now + self.horizon, self.limited_references
-        if advance_streams(
-            references.rows, references.sources, now, until, self.stream_timeout,
-            self.stream_bandwidth,
-        ):  # fmt: skip
-            expired = [
-                name
-                for name, source in zip(self.limits, references.sources, strict=True)
-                if source[R_KIND] == STREAM and now - source[R_RECEIVED] > self.stream_timeout
-            ]
-            self.stop(expired, now)
-        references.advance(
-            until, [(self._places[name], spline.sample) for name, spline in self._splines.items()]
-        )
+        if self._advance(now):
+            return []
+        expired = [
+            name
+            for name, source in zip(self.limits, self.limited_references.sources, strict=True)
+            if source[R_KIND] == STREAM and now - source[R_RECEIVED] > self.stream_timeout
+        ]
+        self.stop(expired, now)
+        self._advance(now)
         return expired
+
+    def _advance(self, now: float) -> bool:
+        """Advance to `now` [s] and the horizon, unless a stream has timed out."""
+        return self.limited_references.advance(
+            now,
+            now + self.horizon,
+            self.stream_timeout,
+            self.stream_bandwidth,
+            [(self._places[name], spline.sample) for name, spline in self._splines.items()],
+        )
 
     def sample(self, name: str, time: float) -> JointReference:
         """The reference of a joint at `time` [s], which may be slightly before or after now."""

@@ -77,7 +77,13 @@ A_SMOOTH: Final = A_RAW + N_SAMPLE
 A_ONCE: Final = A_SMOOTH + N_SAMPLE
 A_TWICE: Final = A_ONCE + N_SAMPLE
 A_BEFORE: Final = A_TWICE + N_SAMPLE
-N_LEARNING: Final = A_BEFORE + N_SAMPLE
+A_WAITS: Final = A_BEFORE + N_SAMPLE
+A_TAKEN_OVER: Final = A_WAITS + 1
+A_STOOD: Final = A_WAITS + 2
+A_REST: Final = A_WAITS + 3
+N_LEARNING: Final = A_REST + N_FUNCTIONS + 1
+"""Last, of a joint that was taken over: whether it waits for its reference to move, from where
+[rad]; whether it has stood there, and the functions and the torque of that time."""
 
 # rows of a plan, and of measured pressures: the numbers before those of the muscles
 P_TIME, P_STIFFNESS, P_MEMORY, P_KNOWN, P_PRESSURES = range(5)

@@ -181,6 +181,11 @@ def entry_point[F: Callable[..., Any]](function: F) -> F:
     return _compiled(function, cache=True)
 
 
+def shared_entry_point[F: Callable[..., Any]](function: F) -> F:
+    """An entry point that others call as well: it is not inlined, which compiles sooner."""
+    return _compiled(function, cache=True, inlined=False)
+
+
 def fused_entry_point[F: Callable[..., Any]](function: F) -> F:
     """An entry point that is compiled like `compiled_fused`, with all that it calls."""
     return _compiled(function, cache=True, fused=True)

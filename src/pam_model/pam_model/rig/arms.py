@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from pam_model.effects import adjusted
+from pam_model.effects import EffectValues, adjusted
 from pam_model.physics.joint_geometry import SIGNS
 from pam_model.rig.types import Rig
 
@@ -21,18 +21,22 @@ class Arm:
     length: float
 
 
-def arms_of(rig: Rig) -> tuple[Arm, ...]:
-    """Every muscle at its joint. The rig file has two muscles on one round pulley at each joint.
+def arm_lengths(radius: float, effects: EffectValues) -> list[float]:
+    """Torque per pull [m] of the muscles of a joint, in its order.
 
-    Effects that change the radius are applied.
+    Both are on one round pulley of a radius [m], which effects of the joint may change.
     """
+    adjusted_radius = adjusted("joint.pulley_radius", radius, effects)
+    return [sign * adjusted_radius for sign in SIGNS]
+
+
+def arms_of(rig: Rig) -> tuple[Arm, ...]:
+    """Every muscle at its joint."""
     places = {name: place for place, name in enumerate(rig.muscle_names)}
     return tuple(
-        Arm(
-            joint,
-            places[name],
-            sign * adjusted("joint.pulley_radius", written.pulley_radius, written.effects),
+        Arm(place, places[name], length)
+        for place, joint in enumerate(rig.joints)
+        for name, length in zip(
+            joint.muscles, arm_lengths(joint.pulley_radius, joint.effects), strict=True
         )
-        for joint, written in enumerate(rig.joints)
-        for name, sign in zip(written.muscles, SIGNS, strict=True)
     )

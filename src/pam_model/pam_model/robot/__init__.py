@@ -5,7 +5,7 @@
 """
 
 from pam_model.rig.arms import Arm
-from pam_model.robot.compose import compose, compose_in_parts
+from pam_model.robot.compose import compose, effective_force_model
 from pam_model.robot.robot import (
     Robot,
     RobotJoint,
@@ -24,5 +24,5 @@ __all__ = [
     "Supply",
     "Tube",
     "compose",
-    "compose_in_parts",
+    "effective_force_model",
 ]

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 from pam_model.effects import EffectValues, adjusted, switched_on
 from pam_model.effects.slots import SCOPES
+from pam_model.muscles.force_model import ForceModel, MuscleGeometry
 from pam_model.rig.arms import Arm, arms_of
 from pam_model.rig.types import Joint, Muscle, Rig
 from pam_model.robot.robot import (
@@ -40,16 +41,6 @@ def compose(rig: Rig) -> Robot:
     RigError, DomainError
         As for `Rig.force_model`; never for a rig that was read from a file.
     """
-    *_, robot = compose_in_parts(rig)
-    assert robot is not None
-    return robot
-
-
-def compose_in_parts(rig: Rig) -> Iterator[Robot | None]:
-    """`compose` for a control cycle, which has no time for all of it: the robot, after some None.
-
-    Arguments and errors are those of `compose`.
-    """
     arms = arms_of(rig)
     of_rig = _numbers(rig.effects)
     supply = Supply(
@@ -61,12 +52,11 @@ def compose_in_parts(rig: Rig) -> Iterator[Robot | None]:
         _joint(place, joint, tuple(arm for arm in arms if arm.joint == place))
         for place, joint in enumerate(rig.joints)
     )
-    muscles = []
-    for place, muscle in enumerate(rig.muscles):
-        yield None
-        own = tuple(arm for arm in arms if arm.muscle == place)
-        muscles.append(_muscle(rig, place, muscle, own))
-    yield Robot(rig.gas, supply, joints, tuple(muscles), rig.plausibility, rig)
+    muscles = tuple(
+        _muscle(rig, place, muscle, tuple(arm for arm in arms if arm.muscle == place))
+        for place, muscle in enumerate(rig.muscles)
+    )
+    return Robot(rig.gas, supply, joints, muscles, rig.plausibility, rig)
 
 
 def _numbers(effects: EffectValues) -> Number:
@@ -107,20 +97,15 @@ def _joint(place: int, joint: Joint, arms: tuple[Arm, ...]) -> RobotJoint:
 
 def _muscle(rig: Rig, place: int, muscle: Muscle, arms: tuple[Arm, ...]) -> RobotMuscle:
     number = _numbers(muscle.effects)
-    factor = number("contraction_factor", 1.0)
-    threshold = number("threshold_pressure", None)
-    compliance = number("series_compliance", None)
-    applied = _laws(muscle.effects, "muscle")
-    geometry = muscle.geometry
     return RobotMuscle(
         place=place,
         name=muscle.name,
         model=muscle.model,
-        geometry=geometry,
+        geometry=muscle.geometry,
         constants=tuple(sorted(muscle.model_parameters.items())),
-        static_effects=(factor, threshold, compliance),
-        force_model=static_force_model(
-            rig.force_model(muscle.name), geometry, factor, threshold, compliance, applied
+        static_effects=_static_effects(number),
+        force_model=effective_force_model(
+            muscle.effects, muscle.geometry, rig.force_model(muscle.name)
         ),
         neutral_length=muscle.neutral_length,
         arms=arms,
@@ -130,7 +115,24 @@ def _muscle(rig: Rig, place: int, muscle: Muscle, arms: tuple[Arm, ...]) -> Robo
         pressure_gain=number("pressure_sensor.gain", None),
         pressure_bias=number("pressure_sensor.bias", None),
         pressure_lag=number("pressure_sensor.lag", None),
-        applied=applied,
+        applied=_laws(muscle.effects, "muscle"),
+    )
+
+
+def effective_force_model(
+    effects: EffectValues, geometry: MuscleGeometry, nominal: ForceModel
+) -> ForceModel:
+    """The static force model of a muscle, with its effects applied to the nominal one."""
+    laws = _laws(effects, "muscle")
+    return static_force_model(nominal, geometry, *_static_effects(_numbers(effects)), laws)
+
+
+def _static_effects(number: Number) -> tuple[float, float, float]:
+    """Factor on the contraction ratio [-], threshold pressure [Pa], compliance [m/N]."""
+    return (
+        number("contraction_factor", 1.0),
+        number("threshold_pressure", None),
+        number("series_compliance", None),
     )
 
 
