@@ -257,7 +257,7 @@ OF_CONSUMER: dict[str, dict[str, Callable[[Robot], Any] | None]] = {
     "PressureLoops": {
         "joints": lambda robot: [JointModels.of(robot, joint, 5e3) for joint in robot.joints],
         "table": MuscleTable.of,
-        "numbers": lambda robot: for_kernel(joint_numbers(robot)),
+        "constants": lambda robot: for_kernel(joint_numbers(robot)),
     },
     "air_drawn": {
         "commands": lambda robot: np.array([0.5, 1.0, -1.0, 0.2]),
