@@ -17,6 +17,8 @@ from pam_model.plant.layout import C_RATE
 
 Array = npt.NDArray[np.float64]
 
+_STEP_COUNT: Final = getattr(step_count, "py_func", step_count)
+"""In plain Python: for its own call, a process would compile it, which takes half a second."""
 LINE: Final = 64
 """Bytes of a line of the processor's cache, and of its longest vectors."""
 
@@ -84,7 +86,7 @@ def blocks_of_lanes(
     threads : int, optional
         Number of blocks that run at the same time; lanes are shared out among so many.
     """
-    steps = np.array([step_count(r, sample_time, step) for r in constants[:, C_RATE].tolist()])
+    steps = np.array([_STEP_COUNT(r, sample_time, step) for r in constants[:, C_RATE].tolist()])
     found: list[Lanes] = []
     alone = np.full(len(constants), True)
     for kernel in kernels:
