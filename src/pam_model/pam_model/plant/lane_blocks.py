@@ -72,7 +72,7 @@ def blocks_of_lanes(
     step: float,
     threads: int = 1,
 ) -> list[Lanes]:
-    """Sort a batch into blocks of lanes with equal steps, and single lanes.
+    """Sort a batch into blocks of lanes with equal steps, and single lanes; most steps first.
 
     Parameters
     ----------
@@ -99,4 +99,5 @@ def blocks_of_lanes(
                 if len(block) > kernel.few:
                     found.append(Lanes(block, int(count), kernel.variant, kernel.vector))
                     alone[block] = False
-    return found + [Lanes(np.array([i]), int(steps[i]), SINGLE) for i in np.flatnonzero(alone)]
+    found += [Lanes(np.array([i]), int(steps[i]), SINGLE) for i in np.flatnonzero(alone)]
+    return sorted(found, key=lambda one: -one.steps)
