@@ -3,9 +3,10 @@
     python benchmarks/simulation_bench.py [--json]
 
 RK4 with 0.25 ms; in a diagnosis with 2 ms, and with its corrections and comparisons in each step.
-The batches have 64 parameter vectors, which are simulated one after the other, or side by side in
-the vectors of the processor. Two processes that share nothing show what two threads can reach at
-most on this machine; the constants of a batch are derived in Python, where two threads take turns.
+The batches have 64 parameter vectors that differ in every number of the rig file, as those of a fit
+do. They are simulated one after the other, or side by side in the vectors of the processor. Two
+processes that share nothing show what two threads can reach at most on this machine; what is left
+of a batch in Python, where two threads take turns, is the derivation of its constants.
 Without numba, the figures are those of plain Python.
 """
 
@@ -29,7 +30,7 @@ from pam_model.plant.compiled import HAVE_NUMBA, for_kernel
 from pam_model.plant.constants import derive_constants
 from pam_model.plant.default_step import DEFAULT_STEP
 from pam_model.plant.lane_choice import lane_kernels
-from pam_model.plant.parameters import PlantParameters
+from pam_model.plant.parameters import RIG_PLACES, PlantParameters
 from pam_model.plant.sensors import sensor_constants
 from pam_model.plant.simulate import initial_state, simulate
 from pam_model.rig import load_rig
@@ -45,12 +46,20 @@ REPEATS = 5
 STEPS_PER_SAMPLE = PERIOD / min(DEFAULT_STEP, PERIOD)
 
 
+def different(parameters: PlantParameters) -> Array:
+    """Vectors (BATCH, n_parameters) around these: each number of the rig file within 0.1 %."""
+    values = np.repeat(parameters.values[None], BATCH, axis=0)
+    stated = [k for k, place in enumerate(RIG_PLACES.values()) if place.section != "effect"]
+    draws = np.random.default_rng(1).uniform(-1e-3, 1e-3, (BATCH, len(stated)))
+    values[:, stated] *= 1.0 + draws
+    return values
+
+
 def diagnosis_batches(
     parameters: PlantParameters, values: Array, commands: Array
 ) -> dict[str, Callable[[], object]]:
     """Calls that compare a batch with a recording, as fits of a diagnosis do."""
-    constants = np.array([derive_constants(v) for v in values])
-    sensors = np.array([sensor_constants(v) for v in values])
+    constants, sensors = derive_constants(values), sensor_constants(values)
     measured = np.zeros((len(commands), N_CHANNELS))
     known = np.zeros(measured.shape, dtype=bool)
     known[:, : POSITION + 1] = True
@@ -92,10 +101,10 @@ def _run(given: Arguments) -> Outcome:
     swing = 0.05 * np.sin(2.0 * np.pi * np.arange(round(RECORDED / PERIOD)) * PERIOD)
     recorded = np.column_stack((swing, -swing))
     commands = recorded[: round(SECONDS / PERIOD)]
-    values = np.repeat(parameters.values[None], BATCH, axis=0)
+    values = different(parameters)
     steps = SECONDS / min(DEFAULT_STEP, PERIOD)
     batch = partial(simulate, parameters, commands, PERIOD, values=values)
-    kernels = lane_kernels(np.array([derive_constants(v) for v in values]))[:1]
+    kernels = lane_kernels(derive_constants(values))[:1]
     own = [kernel.for_all(1) for kernel in kernels]
     calls: dict[str, tuple[float, Callable[[], object]]] = {
         "one trajectory": (1, partial(simulate, parameters, commands, PERIOD, kernels=own)),
@@ -114,9 +123,7 @@ def _run(given: Arguments) -> Outcome:
         both = f"{name}, two processes"
         rates[both] = 2 * lanes * steps / seconds_in_two_processes(call)
         print(f"{both:40s} {1e-6 * rates[both]:7.2f} million steps/s", flush=True)
-    share = seconds_of(lambda: [derive_constants(v) for v in values]) / seconds_of(
-        calls["batch"][1]
-    )
+    share = seconds_of(lambda: derive_constants(values)) / seconds_of(calls["batch"][1])
     print(f"share of a batch in Python, where threads wait for each other: {share:.0%}")
     print(f"two threads can therefore reach {2.0 / (1.0 + share):.2f} times one at most")
     return Outcome({"steps_per_second": rates, "share_of_constants": share})

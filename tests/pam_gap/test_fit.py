@@ -85,6 +85,23 @@ def test_bounded_step_is_the_minimum_in_the_box(seed: int) -> None:
     assert value(step) <= min(value(x) for x in trials) + 1e-9
 
 
+@pytest.mark.parametrize("seed", [0, 1, 25, 31])
+def test_bounded_step_is_the_minimum_where_columns_are_nearly_dependent(seed: int) -> None:
+    """There, active sets return to themselves, and bounds have to be changed one by one."""
+    random = np.random.default_rng(seed)
+    columns = random.standard_normal((200, 10)) @ random.standard_normal((10, 20))
+    columns += 1e-3 * random.standard_normal(columns.shape)
+    hessian, slope = columns.T @ columns, columns.T @ random.standard_normal(200)
+    low, high = -random.uniform(0.0, 0.05, 20), random.uniform(0.0, 0.05, 20)
+    step = bounded_step(hessian, slope, low, high)
+    force = -(hessian @ step + slope) / np.abs(slope).max()
+    is_low, is_high = step <= low + 1e-12, step >= high - 1e-12
+    assert (is_low | is_high).sum() > 5
+    assert np.abs(force[~is_low & ~is_high]).max() < 1e-6
+    assert force[is_low].max(initial=0.0) < 1e-6
+    assert force[is_high].min(initial=0.0) > -1e-6
+
+
 def test_fits_side_by_side_give_what_each_gives_alone_in_fewer_batches() -> None:
     free = [
         FreeParameter("size", 0.0, 10.0, 1.0),

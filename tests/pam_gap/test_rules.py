@@ -55,6 +55,7 @@ NO_RULES = {
     "SIDE_BY_SIDE": "memory of fits, which changes no result",
     "FEWEST_SIDE_BY_SIDE": "memory of fits, which changes no result",
     "MOST_ACTIVE_SETS": "after which another method finds the same minimum",
+    "MOST_BOUNDS": "more than a minimum in a box needs",
     "MOST_KEPT": "memory, which changes no result",
     "HEADROOM": "sizes of real sensors",
     "ECCENTRIC_ROUNDS": "after which the angle no longer changes",

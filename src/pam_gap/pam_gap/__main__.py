@@ -9,6 +9,7 @@ if __name__ == "__main__":  # before the imports below, which take time
 
     end_at_signals()
 
+import gc
 import os
 import sys
 from collections.abc import Sequence
@@ -91,8 +92,13 @@ def _add_work(parser: Parser, usual: str) -> None:
 
 
 def _diagnose(given: Arguments) -> Outcome:
-    from pam_gap.diagnosis_files import run  # noqa: PLC0415  (scipy, numba)
+    gc.disable()  # what is imported stays; no search for garbage has to look at it
+    try:
+        from pam_gap.diagnosis_files import run  # noqa: PLC0415  (scipy, numba)
 
+        gc.freeze()
+    finally:
+        gc.enable()
     return run(given)
 
 

@@ -8,11 +8,14 @@ With `--quick` it writes first_look.json alone, which holds no verdict.
 
 from __future__ import annotations
 
+import contextlib
 import shlex
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
+from threading import Thread
 
 from pam_gap.answer.diagnosis import Diagnosis
 from pam_gap.answer.provenance import provenance
@@ -190,6 +193,8 @@ def diagnose_files(
     rig, read, names = to_diagnose(recordings, rig_path, joint, mounted, rules, map_path)
     origin = provenance(rig_path, [*recordings, *turned_over, *locked, *shut], command)
     answers = []
+    if not answer_only:
+        Thread(target=_import_report, name="import").start()
     for name in names:
         folder = subject_folder(out, names, name)
         with progress(1.0, name, wanted=show_progress) as bar:
@@ -207,12 +212,18 @@ def diagnose_files(
         if keep_evidence and engine.evidence is not None:
             engine.evidence.save(folder / EVIDENCE)
         if not answer_only:
-            # a first look does without the time to import matplotlib and bokeh
-            from pam_gap.answer.report import write_report  # noqa: PLC0415
+            from pam_gap.answer.report import write_report  # noqa: PLC0415  (see _import_report)
 
             write_report(folder / "report.html", engine.problem, diagnosis, improved_name)
         answers.append(diagnosis)
     return answers
+
+
+def _import_report() -> None:
+    """Import what draws a report, matplotlib and Bokeh, while the simulations run."""
+    with contextlib.suppress(ModuleNotFoundError):  # the report says what is missing
+        for name in ("pam_gap.answer.report", "bokeh.plotting", "bokeh.embed"):
+            import_module(name)
 
 
 def _rules(given: Arguments) -> Rules:

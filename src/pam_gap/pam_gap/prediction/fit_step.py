@@ -13,38 +13,67 @@ import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
 MOST_ACTIVE_SETS = 20
+MOST_BOUNDS = 1000
 
 
 def bounded_step(hessian: Array, slope: Array, low: Array, high: Array) -> Array:
     """Minimiser of x.H.x/2 + g.x in a box that contains 0 (H positive semidefinite).
 
     Source: primal-dual active sets, Hintermueller, Ito and Kunisch, SIAM J. Optim. 13 (2002); where
-    they do not settle, bounded-variable least squares, Stark and Parker, Computational Statistics
-    10 (1995).
+    they do not settle, a descent with one bound at a time.
     """
     size = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
     scaled = hessian / np.outer(size, size)
     scaled[np.diag_indices(size.size)] += 1e-9
     pull, least, most = slope / size, low * size, high * size
-    x, force = np.zeros_like(pull), np.zeros_like(pull)
     fixed = least == most
     at = fixed.astype(np.int64)
     for _ in range(MOST_ACTIVE_SETS):
         free = at == 0
-        x = np.where(at < 0, least, np.where(at > 0, most, 0.0))
-        target = -pull[free] - scaled[np.ix_(free, ~free)] @ x[~free]
-        x[free] = np.linalg.solve(scaled[np.ix_(free, free)], target)
-        force = np.where(free, 0.0, -(scaled @ x + pull))
-        moved = x + force
+        x = _best_of_free(scaled, pull, np.where(at < 0, least, most), free)
+        moved = x + np.where(free, 0.0, -(scaled @ x + pull))
         before, at = at, np.where(fixed | (moved > most), 1, np.where(moved < least, -1, 0))
         if (at == before).all():
-            return np.asarray(np.clip(x / size, low, high))
-    from scipy.optimize import lsq_linear  # noqa: PLC0415  (slow to import, seldom needed)
+            break
+    else:
+        x = _bound_by_bound(scaled, pull, least, most)
+    return np.asarray(np.clip(x / size, low, high))
 
-    root = np.linalg.cholesky(scaled)
-    bounds = (least - 1e-12, most + 1e-12)
-    found = lsq_linear(root.T, -np.linalg.solve(root, pull), bounds, method="bvls", tol=1e-10)
-    return np.asarray(np.clip(found.x / size, low, high))
+
+def _best_of_free(hessian: Array, slope: Array, x: Array, free: npt.NDArray[np.bool_]) -> Array:
+    """The minimiser if only the free entries of `x` may change."""
+    held = np.where(free, 0.0, x)
+    target = -(slope + hessian @ held)
+    held[free] = np.linalg.solve(hessian[free][:, free], target[free])
+    return held
+
+
+def _bound_by_bound(hessian: Array, slope: Array, least: Array, most: Array) -> Array:
+    """The minimiser in the box, on a path that begins at 0 and never rises.
+
+    Each step ends at the first bound that it meets; where it meets none, the bound is given up that
+    holds most against the slope.
+    """
+    x = np.zeros_like(slope)
+    free = least < most
+    for _ in range(MOST_BOUNDS):
+        step = _best_of_free(hessian, slope, x, free) - x
+        way = np.where(step > 0.0, most - x, least - x)
+        share = np.divide(way, step, out=np.full_like(x, np.inf), where=free & (step != 0.0))
+        first = int(np.argmin(share))
+        if share[first] < 1.0:
+            x += share[first] * step
+            x[first] = most[first] if step[first] > 0.0 else least[first]
+            free[first] = False
+            continue
+        x += step
+        force = -(hessian @ x + slope)
+        inwards = np.where(x < most, force, np.where(x > least, -force, 0.0))
+        held = int(np.argmax(np.where(free, 0.0, inwards)))
+        if inwards[held] <= 1e-12 * np.abs(slope).max():
+            break
+        free[held] = True
+    return x
 
 
 @dataclass(frozen=True, slots=True)

@@ -420,8 +420,9 @@ def observe(
             totals,
             np.zeros(samples * width),
         )
-        sums = totals[:blocks].reshape(blocks, N_CHANNELS, width)[..., : len(group.members)]
-        result[group.members] = np.moveaxis(sums, -1, 0) / block
+        sums = totals[:blocks].reshape(blocks, N_CHANNELS, width)
+        for lane, member in enumerate(group.members):
+            np.divide(sums[..., lane], block, out=result[member])
 
     def once(kernel: LaneKernel, lane: int) -> None:
         some, few = [lane] * VECTOR, 2 * block  # enough for the kernel to be used

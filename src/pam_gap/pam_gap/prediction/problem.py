@@ -91,24 +91,31 @@ def as_mounted(values: Array, mounting: str) -> Array:
     return locked(values) if mounting == LOCKED else values
 
 
-def initial_state(constants: Array, sensors: Array, tables: object, data: Channels) -> Array:
-    """The plant's state at the first sample: at rest, without creep and thread friction."""
-    start = slice(0, min(10, len(data.measured)))
-    y = np.zeros(states_of(len(SIDES)))
-    y[Y_RESERVOIR] = constants[C_SUPPLY]
-    y[Y_POSITION] = (
-        float(data.measured[start, POSITION].mean()) - sensors[K_OFFSET]
-        if data.known[:, POSITION].any()
-        else 0.0
-    )
+def initial_states(constants: Array, sensors: Array, data: Channels) -> Array:
+    """The plants' states at the first sample: at rest, without creep and thread friction.
+
+    Parameters
+    ----------
+    constants, sensors : ndarray, shape (lanes, n_constants) and (lanes, n_sensors)
+        Of each plant.
+    data : Channels
+        The recording.
+    """
+    first = data.measured[: min(10, len(data.measured))].mean(axis=0)
+    y = np.zeros((len(constants), states_of(len(SIDES))))
+    y[:, Y_RESERVOIR] = constants[:, C_SUPPLY]
+    if data.known[:, POSITION].any():
+        y[:, Y_POSITION] = first[POSITION] - sensors[:, K_OFFSET]
     for i in range(2):
         m, o = constants_of(i), states_of(i)
         s = i * N_MUSCLE_SENSORS
-        reading = float(data.measured[start, AGONIST_PRESSURE + i].mean())
-        gauge = true_pressure(reading, sensors[s + K_GAIN], sensors[s + K_BIAS])
-        y[o + S_PRESSURE] = y[o + S_VALVE_PRESSURE] = max(gauge + constants[C_AMBIENT], 1.0)
-        y[o + S_SPOOL] = gauge if constants[m + M_REGULATOR] > 0.0 else data.commands[0, i]
-        y[o + S_TEMPERATURE] = constants[C_TEMPERATURE]
+        reading = first[AGONIST_PRESSURE + i]
+        gauge = true_pressure(reading, sensors[:, s + K_GAIN], sensors[:, s + K_BIAS])
+        inside = np.maximum(gauge + constants[:, C_AMBIENT], 1.0)
+        y[:, o + S_PRESSURE] = y[:, o + S_VALVE_PRESSURE] = inside
+        is_regulator = constants[:, m + M_REGULATOR] > 0.0
+        y[:, o + S_SPOOL] = np.where(is_regulator, gauge, data.commands[0, i])
+        y[:, o + S_TEMPERATURE] = constants[:, C_TEMPERATURE]
     return y
 
 
@@ -247,21 +254,16 @@ class PredictionProblem:
             window = FOLLOW_MOTION
         for data, compared in zip(self.data, self.compared, strict=True):
             mounted = as_mounted(values, data.recording.mounting)
-            constants = np.array([derive_constants(v) for v in mounted])
+            constants = derive_constants(mounted)
             data.arm.apply(constants)
-            sensors = np.array([sensor_constants(v) for v in mounted])
+            sensors = sensor_constants(mounted)
             measured = data.measured
             if settings.noise_seed is not None:
                 generator = np.random.default_rng(settings.noise_seed)
                 scale = np.nan_to_num(data.deviation)
                 measured = measured + scale * generator.standard_normal(measured.shape)
             sample_time = data.recording.sample_time
-            initial = np.array(
-                [
-                    initial_state(c, s, self.tables, data)
-                    for c, s in zip(constants, sensors, strict=True)
-                ]
-            )
+            initial = initial_states(constants, sensors, data)
             restart = None
             if settings.window_time > 0.0 or window:
                 restart = restart_values(measured, sample_time)

@@ -13,7 +13,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-import h5py
 import numpy as np
 
 from pam_gap.recordings.size_limits import Allowance
@@ -141,6 +140,8 @@ def _mat(path: Path) -> Named:
 
 
 def _hdf5(path: Path) -> Named:
+    import h5py  # noqa: PLC0415  (slow to import, for these files alone)
+
     left = Allowance()
     found: list[tuple[str, Any]] = []
 

@@ -1,7 +1,8 @@
-"""The constants of the kernels, derived from the parameter vector.
+"""The constants of the kernels, derived from the parameter vector of a plant or of several.
 
 Every effect that adjusts a number of the ideal rig is applied to it here. The parameters of the
 laws that the kernels call are stored after these numbers (layout.JOINT_EFFECTS, MUSCLE_EFFECTS).
+Each number is a float or, where several plants differ in it, an array (numbers_of_lanes.py).
 """
 
 from __future__ import annotations
@@ -21,6 +22,18 @@ from pam_model.gas import GAS_CONSTANT, choking_slope, reference_density
 from pam_model.plant import layout as lay
 from pam_model.plant.layout import EffectConstants
 from pam_model.plant.muscle_arms import PAIR, MuscleArms, names_of
+from pam_model.plant.numbers_of_lanes import (
+    Numbers,
+    columns_of,
+    either,
+    larger,
+    largest,
+    law_of,
+    law_where,
+    root,
+    rows_of,
+    smaller,
+)
 from pam_model.plant.parameters import parameter_names, parameter_table
 
 Vector = npt.NDArray[np.float64]
@@ -117,27 +130,31 @@ def _derivation(muscles: MuscleArms) -> _Derivation:
     )
 
 
-def adjusted_numbers(values: Vector, muscles: MuscleArms = PAIR) -> dict[str, float]:
+def adjusted_numbers(values: Vector, muscles: MuscleArms = PAIR) -> dict[str, Numbers]:
     """Every target of `effects.slots.TARGETS` with its effects applied.
 
     Parameters
     ----------
-    values : (n_parameters,) array
+    values : (n_parameters,) or (n_plant, n_parameters) array
         In the order of the joint's `parameters.parameter_table`.
     muscles : tuple of MuscleArm, optional
         Those of the joint.
 
     Returns
     -------
-    dict of str to float
-        By name; targets of a muscle are preceded by its name with a dot.
+    dict of str to float or (n_plant,) array
+        By name; targets of a muscle are preceded by its name with a dot. What is the same in all
+        plants is a float.
     """
-    v = values.tolist()
-    result: dict[str, float] = {}
-    for entry in _derivation(muscles).adjusted:
+    return _adjusted(columns_of(values), _derivation(muscles))
+
+
+def _adjusted(v: list[Numbers], known: _Derivation) -> dict[str, Numbers]:
+    result: dict[str, Numbers] = {}
+    for entry in known.adjusted:
         number = v[entry.written] if entry.written >= 0 else entry.ideal
         for law, places in entry.laws:
-            number = law(number, *[v[i] for i in places])
+            number = law_of(law, number, *[v[i] for i in places])
         result[entry.name] = number
     return result
 
@@ -149,41 +166,46 @@ def derive_constants(
 
     Parameters
     ----------
-    values : (n_parameters,) array
+    values : (n_parameters,) or (n_plant, n_parameters) array
         In the order of the joint's `parameters.parameter_table`.
     reservoir_share : float, optional
         Share of the reservoir and of its refill path that belongs to this joint [-].
     muscles : tuple of MuscleArm, optional
         Those of the joint.
+
+    Returns
+    -------
+    (n_constants,) or (n_plant, n_constants) array
+        Of several plants, they are derived much faster together than one by one.
     """
-    v = values.tolist()
+    v = columns_of(values)
     known = _derivation(muscles)
     index = known.index
-    number = adjusted_numbers(values, muscles)
+    number = _adjusted(v, known)
     temperature = v[index["gas.temperature"]]
     # A list, because its items are read and written much faster.
-    c = [0.0] * lay.constants_of(len(muscles))
+    c: list[Numbers] = [0.0] * lay.constants_of(len(muscles))
     c[lay.C_TEMPERATURE] = temperature
     c[lay.C_AMBIENT] = v[index["gas.ambient_pressure"]]
     c[lay.C_EXPONENT] = v[index["gas.polytropic_exponent"]]
     c[lay.C_SUPPLY] = v[index["supply_pressure"]]
     c[lay.C_RT] = GAS_CONSTANT * temperature
-    c[lay.C_DENSITY] = reference_density(temperature)
+    c[lay.C_DENSITY] = law_of(reference_density, temperature)
     c[lay.C_RADIUS] = number["joint.pulley_radius"]
     c[lay.C_INERTIA] = number["joint.inertia"]
     c[lay.C_PER_INERTIA] = 1.0 / c[lay.C_INERTIA]
     c[lay.C_VISCOUS] = number["joint.viscous_friction"]
     c[lay.C_GRAVITY] = number["joint.gravity_torque"]
     c[lay.C_GRAVITY_ANGLE] = v[index["joint.gravity_angle"]]
-    c[lay.C_DROOP] = float(number["reservoir.conductance"] > 0.0)
+    c[lay.C_DROOP] = 1.0 * (number["reservoir.conductance"] > 0.0)
     c[lay.C_DROOP_CONDUCTANCE] = reservoir_share * number["reservoir.conductance"]
     c[lay.C_DROOP_VOLUME] = reservoir_share * number["reservoir.volume"]
     for stored in known.stored[""]:
         _store(c, 0, stored, v)
-    c[lay.C_FRICTION] = any(c[lay.JOINT_EFFECTS[e.name].is_on] > 0.0 for e, _ in _FRICTIONS)
+    c[lay.C_FRICTION] = largest([c[lay.JOINT_EFFECTS[e.name].is_on] for e, _ in _FRICTIONS])
     # A joint has one contact; of several effects, the softest applies.
-    presliding = max((v[i] for i in known.presliding), default=0.0)
-    c[lay.C_PRESLIDING] = presliding if presliding > RIGID_CONTACT else 0.0
+    presliding = largest([v[i] for i in known.presliding])
+    c[lay.C_PRESLIDING] = either(presliding > RIGID_CONTACT, presliding, 0.0)
     for i, muscle in enumerate(muscles):
         c[lay.constants_of(i) + lay.M_ARM] = muscle.arm
         _muscle_constants(c, lay.constants_of(i), v, number, f"{muscle.name}.", known)
@@ -193,51 +215,49 @@ def derive_constants(
         c, v[index["joint.lower_limit"]], v[index["joint.upper_limit"]]
     )
     c[lay.C_RATE] = _fastest_rate(c) / 2.0  # RK4 is stable to 2.78
-    return np.array(c, dtype=float)
+    return rows_of(c, values)
 
 
-def _store(c: list[float], first: int, stored: _StoredEffect, v: list[float]) -> None:
+def _store(c: list[Numbers], first: int, stored: _StoredEffect, v: list[Numbers]) -> None:
     """Write the parameters of one effect, and whether it is switched on."""
-    is_on = False
+    is_on: Numbers = 0.0
     entries = stored.constants.effect.parameters.values()
     for place, at, entry in zip(
         stored.constants.parameters.values(), stored.places, entries, strict=True
     ):
         c[first + place] = v[at]
-        is_on = is_on or not (entry.is_shape or entry.is_neutral(v[at]))
+        if not entry.is_shape:
+            is_on = larger(is_on, 1.0 - entry.is_neutral(v[at]))
     c[first + stored.constants.is_on] = is_on
 
 
-def _given(c: list[float], first: int, constants: EffectConstants) -> list[float]:
+def _given(c: list[Numbers], first: int, constants: EffectConstants) -> list[Numbers]:
     """Read the parameters of an effect from the constants."""
     return [c[first + place] for place in constants.parameters.values()]
 
 
 def _muscle_constants(
-    c: list[float],
+    c: list[Numbers],
     m: int,
-    v: list[float],
-    number: Mapping[str, float],
+    v: list[Numbers],
+    number: Mapping[str, Numbers],
     owner: str,
     known: _Derivation,
 ) -> None:
     index = known.written[owner]
 
-    def written(name: str) -> float:
+    def written(name: str) -> Numbers:
         return v[index[name]]
 
-    def adjusted(name: str) -> float:
+    def adjusted(name: str) -> Numbers:
         return number[owner + name]
 
     b, turns, wall = written("thread_length"), written("turns"), written("wall_thickness")
     is_table = written("model_kind") > 0.0
     d90 = b / (turns * math.pi)
-    shortest, longest = written("shortest_length"), written("longest_length")
-    if not is_table:
-        shortest = SHORTEST_SHARE * b
-        # A small distance from the end of the domain, where the braid is as thick as its wall.
-        open_share = 1.0 - (2.1 * wall / d90) ** 2
-        longest = b * math.sqrt(max(open_share, 0.01)) * (1.0 - 1e-6)
+    share = 2.1 * wall / d90
+    # A small distance from the end of the domain, where the braid is as thick as its wall.
+    longest = b * root(larger(1.0 - share * share, 0.01)) * (1.0 - 1e-6)
     scale = 1.0 / (4.0 * math.pi * turns * turns)
     c[m + lay.M_TABLE] = written("model_kind")
     c[m + lay.M_B] = b
@@ -247,10 +267,11 @@ def _muscle_constants(
     c[m + lay.M_D90] = d90
     c[m + lay.M_REST] = written("rest_length")
     c[m + lay.M_NEUTRAL] = written("neutral_length")
-    c[m + lay.M_DEAD] = max(adjusted("dead_volume"), LEAST_DEAD * b * b * b * scale)
+    c[m + lay.M_DEAD] = larger(adjusted("dead_volume"), LEAST_DEAD * b * b * b * scale)
     c[m + lay.M_FACTOR] = adjusted("contraction_factor")
     c[m + lay.M_THRESHOLD] = adjusted("threshold_pressure")
-    c[m + lay.M_SHORTEST], c[m + lay.M_LONGEST] = shortest, longest
+    c[m + lay.M_SHORTEST] = either(is_table, written("shortest_length"), SHORTEST_SHARE * b)
+    c[m + lay.M_LONGEST] = either(is_table, written("longest_length"), longest)
     c[m + lay.M_TABLE_STEP] = written("table_pressure_step")
     c[m + lay.M_REGULATOR] = written("valve.kind")
     conductance = written("valve.sonic_conductance")
@@ -259,7 +280,7 @@ def _muscle_constants(
     c[m + lay.M_CRITICAL] = written("valve.critical_ratio")
     c[m + lay.M_PER_LAG] = 1.0 / adjusted("valve.time_constant")
     c[m + lay.M_SWING] = 2.0 * (1.0 - written("valve.damping"))
-    c[m + lay.M_TUBE] = float(adjusted("tube.conductance") > 0.0)
+    c[m + lay.M_TUBE] = 1.0 * (adjusted("tube.conductance") > 0.0)
     c[m + lay.M_TUBE_VOLUME] = adjusted("tube.volume")
     c[m + lay.M_TUBE_CONDUCTANCE] = adjusted("tube.conductance")
     c[m + lay.M_DELAY] = adjusted("valve.command_delay")
@@ -268,89 +289,96 @@ def _muscle_constants(
     c[m + lay.M_BRAID_SLOPE] = 6.0 * written("rest_length") * scale
     for stored in known.stored[owner]:
         _store(c, m, stored, v)
-    c[m + lay.M_THREAD] = any(c[m + lay.MUSCLE_EFFECTS[e.name].is_on] > 0.0 for e, _ in _THREADS)
+    c[m + lay.M_THREAD] = largest([c[m + lay.MUSCLE_EFFECTS[e.name].is_on] for e, _ in _THREADS])
     c[m + lay.M_SHUT_EXPONENT] = c[lay.C_EXPONENT]
     for effect, slot in _CHAMBERS:
-        if c[m + lay.MUSCLE_EFFECTS[effect.name].is_on] > 0.0:
-            c[m + lay.M_THERMAL] = 1.0
-            c[m + lay.M_SHUT_EXPONENT] = slot.exponent
+        is_on = c[m + lay.MUSCLE_EFFECTS[effect.name].is_on]
+        c[m + lay.M_THERMAL] = is_on
+        c[m + lay.M_SHUT_EXPONENT] = either(is_on > 0.0, slot.exponent, c[lay.C_EXPONENT])
 
 
-def _travel(c: list[float], lower: float, upper: float) -> tuple[float, float]:
+def _travel(c: list[Numbers], lower: Numbers, upper: Numbers) -> tuple[Numbers, Numbers]:
     """Position limits, restricted so that no muscle leaves the domain of its model."""
     for m in _muscles(c):
         arm = abs(c[m + lay.M_ARM]) * c[lay.C_RADIUS]
         lengthens = (c[m + lay.M_LONGEST] - c[m + lay.M_NEUTRAL]) / arm
         shortens = (c[m + lay.M_NEUTRAL] - c[m + lay.M_SHORTEST]) / arm
         turns_up = c[m + lay.M_ARM] > 0.0
-        upper = min(upper, shortens if turns_up else lengthens)
-        lower = max(lower, -(lengthens if turns_up else shortens))
+        upper = smaller(upper, shortens if turns_up else lengthens)
+        lower = larger(lower, -(lengthens if turns_up else shortens))
     return lower, upper
 
 
-def _muscles(c: list[float]) -> range:
+def _muscles(c: list[Numbers]) -> range:
     """Where the constants of each muscle begin."""
     return range(lay.C_MUSCLES, len(c), lay.N_MUSCLE_CONSTANTS)
 
 
-def _limit_stiff_volumes(c: list[float]) -> None:
+def _limit_stiff_volumes(c: list[Numbers]) -> None:
     """Limit the dynamics of a tube or reservoir to what the shortest step can integrate.
 
     A path with WIDEST times the conductance of its valve loses 1/WIDEST^2 of the pressure, so that
     limiting the conductance to this value has no visible influence. A volume that is still too
     small for the shortest step is then increased.
     """
-    gain = max(c[lay.C_EXPONENT], 1.0) * c[lay.C_RT] * c[lay.C_DENSITY] / FASTEST_VOLUME
-    valves = 0.0
+    gain = _gain(c) / FASTEST_VOLUME
+    valves: Numbers = 0.0
     for m in _muscles(c):
-        valve = max(c[m + lay.M_CONDUCTANCE], c[m + lay.M_EXHAUST])
+        valve = larger(c[m + lay.M_CONDUCTANCE], c[m + lay.M_EXHAUST])
         valves += valve
-        path = min(c[m + lay.M_TUBE_CONDUCTANCE], WIDEST * valve)
-        least = gain * choking_slope(c[m + lay.M_CRITICAL]) * (path + valve)
+        path = smaller(c[m + lay.M_TUBE_CONDUCTANCE], WIDEST * valve)
+        least = gain * law_of(choking_slope, c[m + lay.M_CRITICAL]) * (path + valve)
         c[m + lay.M_TUBE_CONDUCTANCE] = path
-        c[m + lay.M_TUBE_VOLUME] = max(c[m + lay.M_TUBE_VOLUME], least)
-    path = min(c[lay.C_DROOP_CONDUCTANCE], WIDEST * valves)
-    least = gain * choking_slope(c[lay.C_DROOP_CRITICAL]) * (path + valves)
+        c[m + lay.M_TUBE_VOLUME] = larger(c[m + lay.M_TUBE_VOLUME], least)
+    path = smaller(c[lay.C_DROOP_CONDUCTANCE], WIDEST * valves)
+    least = gain * law_of(choking_slope, c[lay.C_DROOP_CRITICAL]) * (path + valves)
     c[lay.C_DROOP_CONDUCTANCE] = path
-    c[lay.C_DROOP_VOLUME] = max(c[lay.C_DROOP_VOLUME], least)
+    c[lay.C_DROOP_VOLUME] = larger(c[lay.C_DROOP_VOLUME], least)
 
 
-def _fastest_rate(c: list[float]) -> float:
+def _gain(c: list[Numbers]) -> Numbers:
+    """Rate of a pressure [Pa/s] times the volume, over the flow into it [m^3 s^-1 ANR]."""
+    return larger(c[lay.C_EXPONENT], 1.0) * c[lay.C_RT] * c[lay.C_DENSITY]
+
+
+def _fastest_rate(c: list[Numbers]) -> Numbers:
     """An upper estimate of the fastest rate in the plant [1/s], to choose a stable step."""
-    fastest = c[lay.C_VISCOUS] * c[lay.C_PER_INERTIA]
-    if c[lay.C_PRESLIDING] > 0.0:
-        grip = sum(
-            slot.law(0.0, *_given(c, 0, lay.JOINT_EFFECTS[effect.name]))
-            for effect, slot in _FRICTIONS
-            if c[lay.JOINT_EFFECTS[effect.name].is_on] > 0.0
-        )
-        held = 3.0 * math.sqrt(grip / (c[lay.C_PRESLIDING] * c[lay.C_INERTIA]))
-        fastest = max(fastest, held)
-    gain = max(c[lay.C_EXPONENT], 1.0) * c[lay.C_RT] * c[lay.C_DENSITY]
+    fastest = larger(c[lay.C_VISCOUS] * c[lay.C_PER_INERTIA], _rate_of_contact(c))
+    gain = _gain(c)
     for m in _muscles(c):
-        slope = choking_slope(c[m + lay.M_CRITICAL])
+        slope = law_of(choking_slope, c[m + lay.M_CRITICAL])
         arm = abs(c[m + lay.M_ARM]) * c[lay.C_RADIUS]
-        longest = min(
-            c[m + lay.M_NEUTRAL] + arm * max(-c[lay.C_LOWER], c[lay.C_UPPER]),
+        longest = smaller(
+            c[m + lay.M_NEUTRAL] + arm * larger(-c[lay.C_LOWER], c[lay.C_UPPER]),
             c[m + lay.M_LONGEST],
         )
         b = c[m + lay.M_B]
-        braid = max(longest * (b * b - longest * longest) * c[m + lay.M_SCALE], 0.0)
+        braid = larger(longest * (b * b - longest * longest) * c[m + lay.M_SCALE], 0.0)
         volume = c[m + lay.M_DEAD] + 0.8 * braid
-        valve = gain * slope * max(c[m + lay.M_CONDUCTANCE], c[m + lay.M_EXHAUST])
-        if c[m + lay.M_TUBE] > 0.0:
-            tube = gain * slope * c[m + lay.M_TUBE_CONDUCTANCE]
-            inner = c[m + lay.M_TUBE_VOLUME]
-            fastest = max(fastest, (valve + tube) / inner + tube / volume)
-        else:
-            fastest = max(fastest, valve / volume)
-        if c[lay.C_DROOP] > 0.0:
-            drawn = len(_muscles(c)) * valve + gain * slope * c[lay.C_DROOP_CONDUCTANCE]
-            fastest = max(fastest, drawn / c[lay.C_DROOP_VOLUME])
-        if c[m + lay.M_THERMAL] > 0.0:
-            mass = c[lay.C_AMBIENT] * volume / c[lay.C_RT]
-            for effect, slot in _CHAMBERS:
-                heated = slot.heat_rate(mass, *_given(c, m, lay.MUSCLE_EFFECTS[effect.name]))
-                fastest = max(fastest, heated)
-        fastest = max(fastest, c[m + lay.M_PER_LAG])
+        valve = gain * slope * larger(c[m + lay.M_CONDUCTANCE], c[m + lay.M_EXHAUST])
+        tube = gain * slope * c[m + lay.M_TUBE_CONDUCTANCE]
+        behind_tube = (valve + tube) / c[m + lay.M_TUBE_VOLUME] + tube / volume
+        flow = either(c[m + lay.M_TUBE] > 0.0, behind_tube, valve / volume)
+        fastest = larger(fastest, flow)
+        drawn = len(_muscles(c)) * valve + gain * slope * c[lay.C_DROOP_CONDUCTANCE]
+        refill = either(c[lay.C_DROOP] > 0.0, drawn / c[lay.C_DROOP_VOLUME], 0.0)
+        fastest = larger(fastest, refill)
+        mass = c[lay.C_AMBIENT] * volume / c[lay.C_RT]
+        for effect, slot in _CHAMBERS:
+            known = lay.MUSCLE_EFFECTS[effect.name]
+            given = _given(c, m, known)
+            heated = law_where(c[m + known.is_on], slot.heat_rate, mass, *given)
+            fastest = larger(fastest, heated)
+        fastest = larger(fastest, c[m + lay.M_PER_LAG])
     return fastest
+
+
+def _rate_of_contact(c: list[Numbers]) -> Numbers:
+    """The fastest rate of a contact that yields before it slides [1/s]; 0 of a rigid one."""
+    grip: Numbers = 0.0
+    for effect, slot in _FRICTIONS:
+        known = lay.JOINT_EFFECTS[effect.name]
+        grip = grip + law_where(c[known.is_on], slot.law, 0.0, *_given(c, 0, known))
+    yields = c[lay.C_PRESLIDING] > 0.0
+    angle = either(yields, c[lay.C_PRESLIDING], 1.0)
+    return either(yields, 3.0 * root(grip / (angle * c[lay.C_INERTIA])), 0.0)

@@ -17,6 +17,8 @@ from pam_model.plant.layout import C_RATE
 
 Array = npt.NDArray[np.float64]
 
+_STEP_COUNT: Final = getattr(step_count, "py_func", step_count)
+"""In plain Python: for its own call, a process would compile it, which takes half a second."""
 LINE: Final = 64
 """Bytes of a line of the processor's cache, and of its longest vectors."""
 
@@ -70,7 +72,7 @@ def blocks_of_lanes(
     step: float,
     threads: int = 1,
 ) -> list[Lanes]:
-    """Sort a batch into blocks of lanes with equal steps, and single lanes.
+    """Sort a batch into blocks of lanes with equal steps, and single lanes; most steps first.
 
     Parameters
     ----------
@@ -84,7 +86,7 @@ def blocks_of_lanes(
     threads : int, optional
         Number of blocks that run at the same time; lanes are shared out among so many.
     """
-    steps = np.array([step_count(r, sample_time, step) for r in constants[:, C_RATE].tolist()])
+    steps = np.array([_STEP_COUNT(r, sample_time, step) for r in constants[:, C_RATE].tolist()])
     found: list[Lanes] = []
     alone = np.full(len(constants), True)
     for kernel in kernels:
@@ -97,4 +99,5 @@ def blocks_of_lanes(
                 if len(block) > kernel.few:
                     found.append(Lanes(block, int(count), kernel.variant, kernel.vector))
                     alone[block] = False
-    return found + [Lanes(np.array([i]), int(steps[i]), SINGLE) for i in np.flatnonzero(alone)]
+    found += [Lanes(np.array([i]), int(steps[i]), SINGLE) for i in np.flatnonzero(alone)]
+    return sorted(found, key=lambda one: -one.steps)

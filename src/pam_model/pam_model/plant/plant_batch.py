@@ -83,7 +83,7 @@ class PlantBatch:
         self._begin()
 
     def _derived(self, values: Array) -> Array:
-        return np.array([derive_constants(vector, muscles=self._muscles) for vector in values])
+        return derive_constants(values, muscles=self._muscles)
 
     def _begin(self) -> None:
         delays = self._constants[:, lay.C_MUSCLES + lay.M_DELAY :: lay.N_MUSCLE_CONSTANTS]

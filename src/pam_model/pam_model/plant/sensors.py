@@ -19,6 +19,7 @@ import numpy.typing as npt
 from pam_model.physics.pressure_sensor import pressure_reading
 from pam_model.plant.constants import adjusted_numbers
 from pam_model.plant.muscle_arms import PAIR, MuscleArms, names_of
+from pam_model.plant.numbers_of_lanes import Numbers, rows_of
 
 Array = npt.NDArray[np.float64]
 
@@ -39,19 +40,19 @@ def sensor_constants(values: Array, muscles: MuscleArms = PAIR) -> Array:
 
     Parameters
     ----------
-    values : (n_parameters,) array
+    values : (n_parameters,) or (n_plant, n_parameters) array
         Plant parameters.
     muscles : tuple of MuscleArm, optional
         Those of the joint.
 
     Returns
     -------
-    (n_sensors,) array
+    (n_sensors,) or (n_plant, n_sensors) array
         Offset [rad] and delay [s] of the position sensor; gain [-], bias [Pa] and lag [s] of each
         pressure sensor.
     """
     number = adjusted_numbers(values, muscles)
-    sensors = np.empty(sensors_of(len(muscles)))
+    sensors: list[Numbers] = [0.0] * sensors_of(len(muscles))
     for i, muscle in enumerate(names_of(muscles)):
         k = i * N_MUSCLE_SENSORS
         sensors[k + K_GAIN] = number[f"{muscle}.pressure_sensor.gain"]
@@ -59,7 +60,7 @@ def sensor_constants(values: Array, muscles: MuscleArms = PAIR) -> Array:
         sensors[k + K_LAG] = number[f"{muscle}.pressure_sensor.lag"]
     sensors[K_OFFSET] = number["position_sensor.offset"]
     sensors[K_DELAY] = number["position_sensor.delay"]
-    return sensors
+    return rows_of(sensors, values)
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,7 +200,7 @@ class SensorBank:
     def __init__(self, values: Array, period: float, muscles: MuscleArms = PAIR) -> None:
         n = len(values)
         self._period, self._muscles = period, muscles
-        self._k = np.array([sensor_constants(one, muscles) for one in values])
+        self._k = sensor_constants(values, muscles)
         self._weights = np.zeros((n, len(muscles), 3))
         self._fresh = np.full(n, True)
         self._last_input = np.zeros((n, len(muscles)))
@@ -225,7 +226,7 @@ class SensorBank:
 
     def restart(self, chosen: npt.NDArray[np.bool_], values: Array) -> None:
         """Sensors of other joints, `chosen` (n,) among all; parameters as for the constructor."""
-        self._k[chosen] = np.array([sensor_constants(one, self._muscles) for one in values])
+        self._k[chosen] = sensor_constants(values, self._muscles)
         self._fresh[chosen] = True
         self._prepare()
 

@@ -218,7 +218,7 @@ def simulate(
     outputs: Array = np.empty((len(lanes), count, n_outputs))
     tables = tuple(for_kernel(table) for table in parameters.tables)
     kernel_commands = for_kernel(commands)
-    constants = np.array([derive_constants(vector, muscles=muscles) for vector in lanes])
+    constants = derive_constants(lanes, muscles=muscles)
 
     def run_lane(i: int) -> None:
         given_positions, given_pressures = _true_drive(
