@@ -13,7 +13,6 @@ import shlex
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from importlib import import_module
 from pathlib import Path
 from threading import Thread
 
@@ -222,8 +221,10 @@ def diagnose_files(
 def _import_report() -> None:
     """Import what draws a report, matplotlib and Bokeh, while the simulations run."""
     with contextlib.suppress(ModuleNotFoundError):  # the report says what is missing
-        for name in ("pam_gap.answer.report", "bokeh.plotting", "bokeh.embed"):
-            import_module(name)
+        import bokeh.embed  # noqa: PLC0415
+        import bokeh.plotting  # noqa: F401, PLC0415
+
+        import pam_gap.answer.report  # noqa: F401, PLC0415
 
 
 def _rules(given: Arguments) -> Rules:
