@@ -244,10 +244,13 @@ class LoopGuard:
 
     def restart(self) -> None:
         """The joints were taken over: what was seen before belongs to another motion."""
+        self._forget_motions()
+        self._forget_swings()
+
+    def _forget_motions(self) -> None:
         for b, ends in zip(self._watches, self._peaks.ends, strict=True):
             begin_tracking(b)
             begin_oscillation(b, ends)
-        self._forget_swings()
 
     def _forget_swings(self) -> None:
         for b, ends in zip(self._watches, self._places.ends, strict=True):
@@ -329,12 +332,13 @@ class LoopGuard:
         self._pause_until = time + PAUSE
         mild = cycle is not None and cycle.size < MILD and cycle.frequency > QUICK
         mild = mild and not is_violent(b)
-        self.restart()
+        self._forget_motions()
         if mild and self.lowered < means.steps:
             self.lowered += 1
             self._told.setdefault((name, Cause.DELAY), f"{name}: {wild}")
             return GuardAction.LOWER
         self.softened = f"{name}: {wild}"
+        self._forget_swings()
         return GuardAction.SOFTEN
 
     def _seen(self, joint: int, count: int) -> Swings | None:
