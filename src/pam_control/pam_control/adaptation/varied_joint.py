@@ -90,10 +90,9 @@ class JointOfRig:
                         self._muscles[shared] = part
             muscles.append(self._muscles[shared])
         yield None
-        radius = new[self._joint.name].get("pulley_radius", self._joint.pulley_radius)
         yield JointStatics(
             muscles,
-            arm_lengths(radius, self._joint.effects),
+            arm_lengths(self._joint, new[self._joint.name].get("pulley_radius")),
             ambient_pressure=self._gas.ambient_pressure,
             exponent=self._gas.polytropic_exponent,
         )

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from pam_model.effects import EffectValues, adjusted
+from pam_model.effects import adjusted
 from pam_model.physics.joint_geometry import SIGNS
-from pam_model.rig.types import Rig
+from pam_model.rig.types import Joint, Rig
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,12 +21,14 @@ class Arm:
     length: float
 
 
-def arm_lengths(radius: float, effects: EffectValues) -> list[float]:
+def arm_lengths(joint: Joint, radius: float | None = None) -> list[float]:
     """Torque per pull [m] of the muscles of a joint, in its order.
 
-    Both are on one round pulley of a radius [m], which effects of the joint may change.
+    Both are on one round pulley, which effects of the joint may change. Another radius than the
+    written one may be given [m].
     """
-    adjusted_radius = adjusted("joint.pulley_radius", radius, effects)
+    written = joint.pulley_radius if radius is None else radius
+    adjusted_radius = adjusted("joint.pulley_radius", written, joint.effects)
     return [sign * adjusted_radius for sign in SIGNS]
 
 
@@ -36,7 +38,5 @@ def arms_of(rig: Rig) -> tuple[Arm, ...]:
     return tuple(
         Arm(place, places[name], length)
         for place, joint in enumerate(rig.joints)
-        for name, length in zip(
-            joint.muscles, arm_lengths(joint.pulley_radius, joint.effects), strict=True
-        )
+        for name, length in zip(joint.muscles, arm_lengths(joint), strict=True)
     )
