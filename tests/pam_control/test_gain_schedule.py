@@ -82,7 +82,11 @@ def plain_task(controller):
 def test_where_gains_between_two_stiffnesses_are_not_safe_one_set_serves_all(controller):
     """Those for an unknown delay of 80 ms differ too much."""
     asked = controller.settings.replace(
-        extra_delay=0.08, pressure_gain=None, gains={}, feedback_lead=0.0
+        extra_delay=0.08,
+        pressure_gain=None,
+        gains={},
+        feedback_lead=0.0,
+        motion_observer=0.0,
     )
     assert len(controller.design.designed(asked).gains["elbow"].gains) == 1
 
