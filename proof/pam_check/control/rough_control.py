@@ -33,6 +33,7 @@ from pam_check.control.motions import MOTIONS
 from pam_check.control.tuned_pid import Motions, TunedPid, TuningBench, tune
 from pam_control.controller import Controller
 from pam_control.feedback.kept_designs import KeptDesigns, user_cache_folder
+from pam_control.references.trajectory import TrajectoryPoint
 from pam_control.settings import ControlSettings
 from pam_model.argument_types import make_parents
 from pam_model.command_line import Arguments, Outcome, progress
@@ -214,28 +215,14 @@ class RoughControl:
             start = time.process_time()
             self.controller.forget_adaptation()
             played = [
-                play(
-                    self.controller,
-                    joint,
-                    muscles,
-                    points,
-                    self.seed + index,
-                    plant_name=self._plant,
-                )[0]
+                self._played(self.controller, (joint, muscles), points, index)
                 for index in range(self._plays)
             ]
             seconds = (time.process_time() - start) / self._plays
             plain: tuple[PlayedRun, ...] = ()
             if self._unadapted is not None:
                 plain = tuple(
-                    play(
-                        self._unadapted,
-                        joint,
-                        muscles,
-                        points,
-                        self.seed + index,
-                        plant_name=self._plant,
-                    )[0]
+                    self._played(self._unadapted, (joint, muscles), points, index)
                     for index in (0, self._plays - 1)
                 )
             results.append(RoughResult(effect, name, played[-1], played[0], None, seconds, plain))
@@ -244,6 +231,16 @@ class RoughControl:
         bench, tuned = self.tuned_pid(joint, muscles, baselines, tries)
         runs = bench.play(tuned)
         return [dataclasses.replace(each, pid=runs[each.motion][0]) for each in results]
+
+    def _played(
+        self,
+        controller: Controller,
+        true: tuple[TruthJoint, Muscles],
+        points: Sequence[TrajectoryPoint],
+        index: int,
+    ) -> PlayedRun:
+        """Play a motion for the time of this number, with its noise."""
+        return play(controller, *true, points, self.seed + index, plant_name=self._plant)[0]
 
     def tuned_pid(
         self, joint: TruthJoint, muscles: Muscles, baselines: Baselines, tries: int

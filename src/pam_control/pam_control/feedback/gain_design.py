@@ -47,8 +47,7 @@ UNKNOWN_MARGINS = (
     (math.radians(27.0), 2.5),
 )
 """Phase margin [rad] and sensitivity [-] with an observed motion: with the unknown delay in the
-position, in the pressures, and with a heavier limb. With filtered derivatives the last one is
-2.8 at the example's elbow."""
+position, in the pressures, and with a heavier limb."""
 
 Real = npt.NDArray[np.float64]
 
