@@ -116,7 +116,7 @@ class RunningTruth:
         return shown
 
 
-class RunningSecond:
+class RunningSecond(SecondPlant):
     """The same rig as the second plant has it, by other laws; the arguments are the same."""
 
     def __init__(
@@ -131,7 +131,7 @@ class RunningSecond:
         pressure: float,
         supply: Array | None = None,
     ) -> None:
-        self._plant = SecondPlant(
+        super().__init__(
             joint,
             muscles,
             sensors,
@@ -142,10 +142,6 @@ class RunningSecond:
             supply=np.ones(count) if supply is None else supply,
         )
         self._command_step = sensors.command_step
-        self.becomes = self._plant.becomes
-        self.commands, self.sensed, self.truth = (
-            self._plant.commands, self._plant.sensed, self._plant.truth
-        )  # fmt: skip
 
     def advance(self, commands: tuple[float, float]) -> Array:
         """Read the sensors, then hold these commands for a period; return what they showed.
@@ -155,10 +151,10 @@ class RunningSecond:
         FloatingPointError
             When the rig diverges.
         """
-        k = self._plant.samples
+        k = self.samples
         for side, command in enumerate(commands):
             self.commands[k, side] = round(command / self._command_step) * self._command_step
-        self._plant.run(k + 1)
+        self.run(k + 1)
         shown: Array = self.sensed[k]
         return shown
 
