@@ -67,7 +67,7 @@ from pam_control.adaptation.recursive_fit import DOUBTED
 from pam_model.plant.compiled import for_kernel, listed, shared_entry_point
 
 PIVOTS: Final = 6  # exchanges of what is at its bound; the last sets are nearly always right
-BELIEVED_FOR: Final = 0.25  # s of motion, for which the believed error counts
+BELIEVED_FOR: Final = 0.1  # s of motion, for which the believed error counts
 SOON: Final = 0.03  # of the motion that was seen: so often a fit of few samples is solved again
 FOLLOWS: Final = 0.3  # s of motion, in which the weights follow a fit that explains too little
 EXPLAINED: Final = 2.0  # times the noise, which the errors of a fit exceed that does so

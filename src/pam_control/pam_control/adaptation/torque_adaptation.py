@@ -118,12 +118,12 @@ SENSORS: Final = (ZERO, GRIP)
 RIVALS: Final = (
     Rival((*SMOOTH, *SENSORS), 0.0),
     Rival((*SMOOTH, *SLIPS), 2.0, exact=False),
-    Rival((*SMOOTH, *SENSORS, DELAY), 0.0, better=2.0, exact=False),
+    Rival((*SMOOTH, *SENSORS, DELAY), 0.0, better=1.7),
     Rival((*SMOOTH, *SLIPS, DELAY), 0.0, better=4.0, exact=False),
 )
 """By the numbers of the functions of `motion_functions`, after which come the delay, the zero of
 the position and the grip. Dry friction is ordinary. A delay has to explain what nothing else does;
-a delay beside friction even more. Slip elements only resemble friction, and a rate only a delay."""
+a delay beside friction even more. Slip elements only resemble friction."""
 DRY: Final = 0.02  # rad; longer slip elements are hysteresis, by which a joint does not stick
 
 
