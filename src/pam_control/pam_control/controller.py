@@ -183,7 +183,7 @@ class Controller:
         self._longest_gap = GAP_PERIODS * normal.period + normal.extra_delay
         setups = joint_setups(self._models, self.prepared, loops)
         self._cycle.use(setups)
-        if not settings.adaptation:
+        if loops.soft or not settings.adaptation:
             self.forget_adaptation()
         references = self.references
         references.stream_timeout = settings.stream_timeout

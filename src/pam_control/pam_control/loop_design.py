@@ -333,7 +333,6 @@ class LoopDesign:
                 gains={},
                 partial_gains={},
                 observer=False,
-                adaptation=False,
             )
             designed = self.designed(asked, one_set=True)
             soft = Loops(designed, self.check(designed), soft=True)

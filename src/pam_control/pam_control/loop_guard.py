@@ -373,14 +373,16 @@ class LoopGuard:
         if self._first_size == math.inf:
             self._first_size = seen.size
         if self.softened:
-            if seen.size < self._first_size:
+            if seen.size < max(self._first_size, MILD):
                 return GuardAction.NOTHING
             self.stopped = f"{told}; with soft gains it swings as widely"
             return GuardAction.STOP
         if self.lowered < means.steps:
             self.lowered += 1
             return GuardAction.LOWER
-        if not means.can_soften or seen.size < GROWN * self._first_size:
+        if not means.can_soften or seen.size < max(
+            GROWN * self._first_size, MILD
+        ):
             return GuardAction.NOTHING
         self.softened = told
         return GuardAction.SOFTEN

@@ -18,7 +18,7 @@ class Loops:
 
     settings: ControlSettings  # no gain is missing
     margins: list[list[Margins]]  # by joint
-    soft: bool = False  # whether they are for a joint that has oscillated: nothing is learnt then
+    soft: bool = False  # whether they are for a joint that has oscillated
 
     def changed_to(self, settings: ControlSettings) -> Loops:
         """Other settings with the same loops."""
@@ -28,7 +28,6 @@ class Loops:
             "pressure_gain": mine.pressure_gain,
             "observer": mine.observer,
             "extra_delay": mine.extra_delay,
-            "adaptation": settings.adaptation and not self.soft,
         }
         return dataclasses.replace(self, settings=settings.replace(**kept))
 
