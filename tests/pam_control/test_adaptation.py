@@ -113,14 +113,27 @@ def test_taking_over_with_what_was_learnt_does_not_move_the_joint(closed_loop, r
     assert np.abs(loop.run(1.0).column(2) - before).max() < 0.02
 
 
-def test_soft_gains_neither_learn_nor_use_what_was_learnt(rig):
-    controller = law(rig)
-    assert controller.prepared.soft is not None
-    assert not controller.prepared.soft.settings.adaptation
-    changed = controller.prepare(controller.prepared.asked.replace(integral_limit=3.0))
-    assert changed.soft is not None
-    assert not changed.soft.settings.adaptation
-    assert changed.normal.settings.adaptation
+def test_soft_gains_forget_what_an_oscillation_has_taught_and_learn_again(
+    closed_loop, rig, reaching
+):
+    """Without what is learnt they leave large errors, for as long as they are used."""
+    controller, (points, duration) = law(rig), reaching
+    played(closed_loop, controller, reaching, effects=PAYLOAD)
+    estimates = controller.channels[0].law_state.estimates
+    assert estimates.adaptation.knows
+    loop = closed_loop(controller, effects=PAYLOAD)
+    controller.drop_commands()
+    loop.run(SETTLE)
+    controller.guard.softened = "the joint oscillates"
+    controller.use(controller.prepared)
+    assert not estimates.adaptation.knows
+    errors = []
+    for _ in range(2):
+        controller.references.follow(["elbow"], points, start=None, now=loop.time)
+        errors.append(loop.run(duration).rms(0.0))
+    assert controller.guard.softened
+    assert estimates.adaptation.knows
+    assert errors[1] < 0.5 * errors[0]
 
 
 def test_the_learnt_torque_is_limited(closed_loop, rig, reaching):

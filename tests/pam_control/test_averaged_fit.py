@@ -190,13 +190,18 @@ def test_functions_of_the_law_are_used_by_the_share_of_the_values_that_they_expl
     """What only resembles it waits until its errors are as small as the noise."""
     most, little = NOISE, 30.0 * NOISE
     lag = {
-        (exact, left): missing(Rival((0,), 0.0, exact=exact), left, np.random.default_rng(6))
+        (exact, left): np.median(
+            [
+                missing(Rival((0,), 0.0, exact=exact), left, np.random.default_rng(seed))
+                for seed in range(20)
+            ]
+        )
         for exact in (True, False)
         for left in (most, little)
     }
     assert lag[True, most] < 0.1 * lag[False, most]
     assert lag[True, most] < 0.1 * lag[True, little]
-    assert lag[True, little] > 0.8 * lag[False, little]
+    assert lag[True, little] > 0.7 * lag[False, little]
 
 
 def test_functions_of_the_law_have_to_explain_more_than_noise_by_chance():

@@ -357,6 +357,16 @@ def test_swings_that_do_not_grow_are_told_and_leave_the_adaptation_at_work(rig):
     assert guard.swings
 
 
+def test_small_swings_bring_no_soft_gains_though_they_grow_and_stop_nothing_with_these(rig):
+    """Soft gains leave larger errors of friction than such swings are; the joint was stopped."""
+    guard = LoopGuard(compose(rig).joints)
+    asked = swinging(guard, size=lambda time: 3e-3 * (1.0 + time))
+    assert [verdict for _, verdict in asked] == [GuardAction.LOWER, GuardAction.LOWER]
+    guard.softened = "the joint oscillates"
+    guard.restart()
+    assert swinging(guard, size=lambda _: 0.02) == []
+
+
 def test_swings_slower_than_the_loop_come_from_outside_and_leave_the_gains(rig):
     """Somebody pushes again and again; with lower gains the joint would yield more."""
     guard = LoopGuard(compose(rig).joints)

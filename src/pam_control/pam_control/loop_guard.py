@@ -380,9 +380,7 @@ class LoopGuard:
         if self.lowered < means.steps:
             self.lowered += 1
             return GuardAction.LOWER
-        if not means.can_soften or seen.size < max(
-            GROWN * self._first_size, MILD
-        ):
+        if not means.can_soften or seen.size < max(GROWN * self._first_size, MILD):
             return GuardAction.NOTHING
         self.softened = told
         return GuardAction.SOFTEN

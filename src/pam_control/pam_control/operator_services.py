@@ -103,7 +103,7 @@ class OperatorServices:
         controller = self._controller
         if controller.guard.softened:
             raise PamError(
-                "nothing is learnt with soft gains, which are used until the next vent: "
+                "what is learnt with soft gains is not written, and they stay until the next vent: "
                 f"{controller.guard.softened}"
             )
         if not any(channel.setup.adapts for channel in controller.channels):

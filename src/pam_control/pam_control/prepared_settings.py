@@ -34,7 +34,8 @@ class Loops:
     def lowered(self, share: float) -> Loops:
         """The loops with a share of the gains [-]; the integral gets its square.
 
-        So the integral's phase lag moves away from the crossover. The margins are not known.
+        So the integral's phase lag moves away from the crossover. The pressure loops get the share
+        as well, because it may be they that are late. The margins are not known.
         """
         gains = {
             name: schedule.changed(
@@ -48,7 +49,9 @@ class Loops:
             )
             for name, schedule in self.settings.gains.items()
         }
-        return dataclasses.replace(self, settings=self.settings.replace(gains=gains))
+        pressure_gain = share * (self.settings.pressure_gain or 0.0)
+        lowered = self.settings.replace(gains=gains, pressure_gain=pressure_gain or None)
+        return dataclasses.replace(self, settings=lowered)
 
 
 @dataclass(frozen=True, slots=True)
