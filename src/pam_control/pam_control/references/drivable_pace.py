@@ -3,8 +3,6 @@
 A trajectory that is played f times as slowly has speeds 1/f, accelerations 1/f^2 and jerks 1/f^3
 times as large. Its jerk is taken over a short time, because a cubic spline changes its acceleration
 at once at a waypoint, and the joint itself evens out what is short.
-
-The corners of straight lines are not counted: the limiter rounds them.
 """
 
 from __future__ import annotations
