@@ -46,6 +46,7 @@ PAUSES: Final = (0.1, 2.0)  # s
 REACHES: Final = (0.6, 2.0)  # s
 SINES: Final = (0.2, 1.5)  # Hz
 STEP: Final = 0.02  # s between waypoints
+FADED: Final = 0.15  # share of a sine in which it is faded in, and out
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,33 +152,84 @@ def swing_size(errors: Array) -> float:
     return float(np.ptp(errors - np.polyval(np.polyfit(times, errors, 1), times)))
 
 
+@dataclass(frozen=True, slots=True)
+class Act:
+    """A reach of minimum jerk, or a sine that is faded in and out.
+
+    Attributes
+    ----------
+    begin, lasts : float
+        [s].
+    at, stroke, amplitude : float
+        Where it begins, the way of a reach, and of a sine its amplitude [rad].
+    turns : float
+        Of a sine [-].
+    """
+
+    begin: float
+    lasts: float
+    at: float
+    stroke: float
+    amplitude: float
+    turns: float
+
+    def angle(self, times: Array) -> Array:
+        """Angles at some times [rad]; twice differentiable."""
+        x = np.clip((times - self.begin) / self.lasts, 0.0, 1.0)
+        fade = _smooth(np.minimum(1.0, np.minimum(x, 1.0 - x) / FADED))
+        wave = self.amplitude * fade * np.sin(2.0 * math.pi * self.turns * x)
+        return self.at + self.stroke * _smooth(x) + wave
+
+    def points(self, positions_only: bool) -> list[TrajectoryPoint]:
+        """Its waypoints; with velocities and accelerations, unless only positions are wanted."""
+        h = 1e-4
+        count = round(self.lasts / STEP)
+        times = self.begin + STEP * np.arange(1, count + 1, dtype=np.float64)
+        before, middle, after = (self.angle(times + shift) for shift in (-h, 0.0, h))
+        if positions_only:
+            return [
+                TrajectoryPoint(float(t), [float(q)]) for t, q in zip(times, middle, strict=True)
+            ]
+        speeds, pushes = (after - before) / (2.0 * h), (after - 2.0 * middle + before) / h**2
+        speeds[-1] = pushes[-1] = 0.0
+        return [
+            TrajectoryPoint(*(float(t), [float(q)], [float(v)], [float(a)]))
+            for t, q, v, a in zip(times, middle, speeds, pushes, strict=True)
+        ]
+
+
+def _smooth(x: Array) -> Array:
+    """From 0 to 1 with minimum jerk."""
+    return x**3 * (10.0 - 15.0 * x + 6.0 * x * x)
+
+
 def ordinary_motion(random: np.random.Generator, seconds: float) -> list[TrajectoryPoint]:
-    """Drawn reaches of minimum jerk, pauses and sines, within so long [s]."""
+    """Drawn reaches of minimum jerk, pauses and sines, within so long [s].
+
+    In one half of the motions, only positions are given, as a recording or a policy does; in the
+    others velocities and accelerations, too, as a planner does.
+    """
     points: list[TrajectoryPoint] = []
     time, at = 0.0, MOTIONS_BEGIN_AT
+    positions_only = bool(random.uniform() < 0.5)
     while True:
         if random.uniform() < 0.7:
             target = float(random.uniform(-0.6, 0.6))
             lasts = float(random.uniform(*REACHES)) * max(1.0, abs(target - at) / 0.6)
-            stroke, turns, hertz = target - at, 0.0, 0.0
+            turns = amplitude = 0.0
         else:
-            hertz, target, stroke = float(random.uniform(*SINES)), at, 0.0
-            turns = float(random.integers(2, 6))
-            lasts = turns / hertz
-        count = round(lasts / STEP)
-        if time + count * STEP > seconds:
+            target, turns = at, float(random.integers(2, 6))
+            lasts = turns / float(random.uniform(*SINES))
+            amplitude = min(0.25, 0.6 - abs(at)) * (1.0 if at < 0.0 else -1.0)
+        lasts = round(lasts / STEP) * STEP
+        if time + lasts > seconds:
             if points:
                 return points
             continue  # the first one is longer than the whole
-        amplitude = min(0.25, 0.6 - abs(at)) * (1.0 if at < 0.0 else -1.0)
-        for index in range(1, count + 1):
-            x = index / count
-            smooth = x**3 * (10.0 - 15.0 * x + 6.0 * x * x)
-            fade = min(1.0, 4.0 * x * (1.0 - x) * 2.0)
-            wave = amplitude * fade**2 * math.sin(2.0 * math.pi * turns * x)
-            points.append(TrajectoryPoint(time + index * STEP, [at + stroke * smooth + wave]))
-        time, at = time + count * STEP + float(random.uniform(*PAUSES)), target
-        points.append(TrajectoryPoint(time, [at]))
+        points += Act(time, lasts, at, target - at, amplitude, turns).points(positions_only)
+        time, at = time + lasts + float(random.uniform(*PAUSES)), target
+        fields = ((), ()) if positions_only else ([0.0], [0.0])
+        points.append(TrajectoryPoint(time, [at], *fields))
 
 
 def _swings(rough: RoughControl, rig: str) -> list[SwingResult]:

@@ -29,7 +29,7 @@ from pam_control.references.spline import (
 from pam_control.references.waypoint_velocities import SAMPLES
 
 FADING_SHARE = 0.5  # of the limiter's acceleration and jerk, for the difference
-SHORTEST, LONGER, LONGEST = 0.02, 1.2, 0.3  # s, -, s; the times in which it fades
+SHORTEST, LONGER, LONGEST = 0.02, 1.2, 0.2  # s, -, s; the times in which it fades
 
 
 def continued(

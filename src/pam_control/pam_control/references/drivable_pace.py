@@ -91,7 +91,7 @@ def _waypoint_share(waypoints: Waypoints, factor: float, limits: MotionLimits) -
     """What the waypoints alone need, as a share of the share that they may need [-]."""
     if limits.valve_share is None:
         return 0.0
-    speeds = np.nan_to_num(waypoints.velocities) / factor
+    speeds = waypoints.velocities / factor
     pushes = np.nan_to_num(waypoints.accelerations) / factor**2
     found = limits.valve_share(waypoints.positions, speeds, pushes, np.zeros_like(speeds))
     return float(found.max()) / WAYPOINT_SHARE * VALVE_SHARE

@@ -38,7 +38,7 @@ from pam_control.references.spline import (
 
 MOST_STEPS = 50  # 1.1^50 = 117
 STRETCH, MOST_STRETCHES = 1.5, 12  # 1.5^12 = 130
-SHORTEST = 1e-3  # s, of the first segment
+SHORTEST = 1e-3  # s, of the first segment, and of a difference that fades
 NEAR = 0.01  # rad
 CALM_SHARE = 0.1  # of the jerk of the limiter, with which a small difference from the path fades
 TOLD_FROM = 1e-3  # relative change of the duration that the caller is informed of
@@ -127,7 +127,7 @@ def _led_to(
         }
     for name, offset in beside.items():
         if offset:
-            duration = fading_time(offset, CALM_SHARE * limits[name].own_jerk)
+            duration = max(fading_time(offset, CALM_SHARE * limits[name].own_jerk), SHORTEST)
             difference = JointReference(offset)
             splines[name] = LedInSpline(splines[name], at, difference, duration)
     return splines, excess

@@ -156,7 +156,7 @@ def _stopping_factor(
 ) -> float:
     """How much more slowly a trajectory that ends in motion must be played to stop in time."""
     velocity = float(waypoints.velocities[-1])
-    if not abs(velocity) > 0.0:  # NaN if none is given
+    if velocity == 0.0:
         return factor
     position = float(waypoints.positions[-1])
     acceleration = float(np.nan_to_num(waypoints.accelerations[-1]))

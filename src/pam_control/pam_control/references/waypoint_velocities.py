@@ -80,7 +80,7 @@ def _end_speed(h: Array, speeds: Array, other: float, is_other_known: bool) -> f
         found = ((2.0 * h[0] + h[1]) * speeds[0] - h[0] * speeds[1]) / (h[0] + h[1])
     else:
         found = 1.5 * speeds[0] - 0.5 * other if is_other_known else speeds[0]
-    most = MONOTONE * speeds[0]
+    most = (MONOTONE if h[0] <= SAMPLES else TURNING) * speeds[0]
     return float(np.clip(found, min(most, 0.0), max(most, 0.0)))
 
 
