@@ -277,3 +277,16 @@ def test_chunks_that_replace_each_other_in_motion_go_on_smoothly(rig, closed_loo
     last = curve(1.7 + first + 0.18)  # where the last chunk ends
     assert reference[-1] == pytest.approx(last, abs=1e-6)
     assert joint[-1] == pytest.approx(last, abs=2e-3)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_difference_of_nearly_nothing_fades_in_a_time_that_is_not_zero():
+    made = generator()
+    made.hold({"elbow": 1e-60})
+    made.horizon = 0.006
+    made.advance(1000.0)
+    points = [TrajectoryPoint(0.0, [0.0], [0.0], [0.0]), TrajectoryPoint(1.0, [0.5], [0.0], [0.0])]
+    made.follow(["elbow"], points, start=None, now=1000.0)
+    assert made.sample("elbow", 1000.5).position == pytest.approx(0.0, abs=1e-9)
+    spline = made.spline("elbow")
+    assert spline.sample(1000.5).position == pytest.approx(0.25)
