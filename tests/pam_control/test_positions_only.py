@@ -290,3 +290,21 @@ def test_a_difference_of_nearly_nothing_fades_in_a_time_that_is_not_zero():
     assert made.sample("elbow", 1000.5).position == pytest.approx(0.0, abs=1e-9)
     spline = made.spline("elbow")
     assert spline.sample(1000.5).position == pytest.approx(0.25)
+
+
+def test_an_end_in_motion_is_braked_for_all_joints_alike_so_that_their_path_stays_the_same():
+    weak = MotionLimits(1.0, 20.0, 0.8, 5.0, 200.0, 400.0)
+    made = ReferenceGenerator(BOUNDS | {"wrist": (-1.0, 1.0)}, {"elbow": LIMITS, "wrist": weak})
+    made.hold({"elbow": 0.0, "wrist": 0.0})
+    times = np.arange(26) * STEP
+    curve = 0.1 * (1.0 - np.cos(np.pi * times))
+    points = [
+        TrajectoryPoint(float(t), [float(q), float(0.5 * q)])
+        for t, q in zip(times, curve, strict=True)
+    ]
+    made.follow(["elbow", "wrist"], points, start=None, now=0.0)
+    elbow, wrist = made.spline("elbow"), made.spline("wrist")
+    assert elbow.end_time == wrist.end_time > 0.53  # the elbow alone could stop within 0.52 s
+    for time in np.arange(0.0, 0.8, 0.003):
+        expected = 0.5 * elbow.sample(float(time)).position
+        assert wrist.sample(float(time)).position == pytest.approx(expected, abs=1e-9)

@@ -28,8 +28,8 @@ from pam_control.references.spline import (
 )
 from pam_control.references.waypoint_velocities import SAMPLES
 
-FADING_SHARE = 0.5  # of the limiter's acceleration and jerk, for the difference
-SHORTEST, LONGER, LONGEST = 0.02, 1.2, 0.2  # s, -, s; the times in which it fades
+FADING_SHARE = 0.5  # of the limiter's speed, acceleration and jerk, for the difference
+SHORTEST, LONGER, LONGEST = 0.02, 1.2, 0.3  # s, -, s; the times in which it fades
 
 
 def continued(
@@ -92,18 +92,20 @@ def _path(waypoints: Waypoints, at: float, limits: MotionLimits) -> JointSpline:
 def _fading_time(difference: JointReference, limits: MotionLimits) -> float:
     """In which a difference fades within the limits [s]; longer than `LONGEST` if it does not.
 
-    It may begin with a larger acceleration, which is there already.
+    It may begin with a larger speed or acceleration, which is there already.
     """
-    push, jerk = FADING_SHARE * limits.own_push, FADING_SHARE * limits.own_jerk
     state = difference.position, difference.velocity, difference.acceleration
+    fastest = max(FADING_SHARE * limits.own_speed, abs(state[1]))
+    push = max(FADING_SHARE * limits.own_push, abs(state[2]))
+    jerk = FADING_SHARE * limits.own_jerk
     duration = SHORTEST
     while duration <= LONGEST:
         ends = Waypoints.of([Waypoint(0.0, *state), Waypoint(duration, 0.0, 0.0, 0.0)])
         segments = spline_coefficients(ends)
-        _, acceleration = peaks(segments, np.array([duration]))
+        speed, acceleration = peaks(segments, np.array([duration]))
         t = duration * PEAK_SHARES
         jerks = 6.0 * segments[0, 3] + t * (24.0 * segments[0, 4] + t * 60.0 * segments[0, 5])
-        if acceleration <= max(push, abs(state[2])) and np.abs(jerks).max() <= jerk:
+        if speed <= fastest and acceleration <= push and np.abs(jerks).max() <= jerk:
             break
         duration *= LONGER
     return duration
