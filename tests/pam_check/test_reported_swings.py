@@ -11,11 +11,13 @@ import pytest
 from pam_check.__main__ import main
 from pam_check.control.closed_loop import PERIOD, TOLD
 from pam_check.control.reported_swings import (
+    STEP,
     TOLD_WITHIN,
     SwingResult,
     ordinary_motion,
     played,
     swing_size,
+    ways,
 )
 from pam_check.control.rough_control import RoughControl
 from pam_model.rig import load_rig
@@ -80,6 +82,31 @@ def test_what_swings_at_rest_and_is_not_told_in_time_is_counted():
     assert not any(result(*each).untold for each in ((5.0, 1.0), (2.0, math.inf), (math.inf, 1.0)))
     times = np.arange(1000) * PERIOD
     assert swing_size(2e-3 * times + 2e-3 * np.sin(60.0 * times)) == pytest.approx(4e-3, rel=0.1)
+
+
+def test_an_alarm_is_right_if_the_true_error_went_to_and_fro():
+    times = np.arange(500) * PERIOD
+    swing = 1.5e-3 * np.sin(2.0 * np.pi * 8.0 * times)
+    assert ways((swing + 5e-3 * times).tolist(), 2e-3) in (15, 16)
+    assert ways(swing.tolist(), 3.1e-3) == 0
+    assert ways((0.02 * np.sin(2.0 * np.pi * times)).tolist(), 2e-3) == 3
+    assert ways([0.0, 5.0], 2.0) == 1
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_half_of_the_ordinary_motions_have_velocities_and_accelerations(seed):
+    points = ordinary_motion(np.random.default_rng(seed), 20.0)
+    kinds = {(len(point.velocities), len(point.accelerations)) for point in points}
+    assert kinds == ({(0, 0)} if np.random.default_rng(seed).uniform() < 0.5 else {(1, 1)})
+    if kinds == {(1, 1)}:
+        times = np.array([point.time_from_start for point in points])
+        angle, speed, push = (
+            np.array([getattr(point, name)[0] for point in points])
+            for name in ("positions", "velocities", "accelerations")
+        )
+        close = np.isclose(np.diff(times), STEP)
+        mean = 0.5 * (speed[1:] + speed[:-1]) - STEP / 12.0 * np.diff(push)
+        assert (np.diff(angle) / STEP)[close] == pytest.approx(mean[close], abs=1e-3)
 
 
 def test_ordinary_motion_is_within_the_range_of_the_joint_and_not_too_long():

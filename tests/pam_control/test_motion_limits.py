@@ -188,11 +188,14 @@ def test_stopping_brakes_within_the_limit_and_does_not_go_back(how):
     assert played.generator.following(name) == "hold"
 
 
-def test_corners_of_straight_lines_are_rounded_with_the_limit():
+def test_positions_alone_that_turn_quickly_are_slowed_down_to_the_limits():
     played = Played().run(0.1)
     points = [TrajectoryPoint(0.2 * (i + 1), [0.4 if i % 2 == 0 else -0.2]) for i in range(6)]
-    played.generator.follow(["elbow"], points, start=None, now=played.now)
+    note = played.generator.follow(["elbow"], points, start=None, now=played.now)
+    assert "elbow would need 4.5 rad/s" in note
     played.run(2.0).check()
+    assert not played.generator.limited("elbow")
+    assert max(played.positions["elbow"]) == pytest.approx(0.4, abs=1e-3)
     assert played.positions["elbow"][-1] == pytest.approx(-0.2, abs=1e-6)
 
 

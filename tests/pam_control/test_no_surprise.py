@@ -19,7 +19,7 @@ from pam_demo.motions import HOLD_STIFFNESS, arm_motion, chirp
 DRAWS = 2  # of each kind; a draw takes about 0.4 s
 MOST_BEYOND = 0.015  # rad past the range of the reference
 MOST_ERROR = 0.05  # rad
-KINDS = ("short", "waypoints", "straight lines", "ends in motion", "interrupted", "streamed")
+KINDS = ("short", "waypoints", "positions only", "ends in motion", "interrupted", "streamed")
 
 
 def short(draw: random.Random, position: float) -> list[TrajectoryPoint]:
@@ -30,13 +30,15 @@ def short(draw: random.Random, position: float) -> list[TrajectoryPoint]:
     return [TrajectoryPoint(10.0 ** draw.uniform(-3.0, -0.7), [target], *fields)]
 
 
-def waypoints(draw: random.Random, speed: float, straight: bool = False) -> list[TrajectoryPoint]:
+def waypoints(
+    draw: random.Random, speed: float, positions_only: bool = False
+) -> list[TrajectoryPoint]:
     """Two to six waypoints, with speeds up to the joint's largest; the last one is at rest."""
     points, time, count = [], 0.0, draw.randint(2, 6)
     for index in range(count):
         time += 10.0 ** draw.uniform(-1.5, -0.2)
         velocity = draw.uniform(-speed, speed) if index < count - 1 else 0.0
-        fields = () if straight else ([velocity],)
+        fields = () if positions_only else ([velocity],)
         points.append(TrajectoryPoint(time, [draw.uniform(-0.95, 0.95)], *fields))
     return points
 
@@ -69,7 +71,7 @@ def played(controller, loop, kind, draw):
     points = {
         "short": lambda: short(draw, here),
         "waypoints": lambda: waypoints(draw, limit),
-        "straight lines": lambda: waypoints(draw, limit, straight=True),
+        "positions only": lambda: waypoints(draw, limit, positions_only=True),
         "ends in motion": lambda: ends_in_motion(draw),
         "interrupted": lambda: waypoints(draw, limit),
     }[kind]()

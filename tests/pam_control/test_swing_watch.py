@@ -140,6 +140,19 @@ def test_swings_in_motion_are_told_although_the_reference_moves(hertz):
     assert what.frequency == pytest.approx(hertz, rel=0.2)
 
 
+def test_a_joint_that_settles_is_not_told_though_the_end_of_its_motion_swung_less_than_that():
+    """A load twice as large, after a sine of 2.6 rad/s; each swing is 0.6 to 0.9 of the last."""
+    turns = np.array([-1.0, 0.9, -4.0, 5.0, -2.7, 1.9, -1.0, 0.4, 0.0]) * 1e-3  # rad
+    times = 1.0 + np.array([-0.15, 0.0, 0.11, 0.26, 0.42, 0.58, 0.74, 0.9, 1.06])  # s
+
+    def error(time):
+        place = np.interp(time, times, np.arange(turns.size))
+        at, share = int(place), 0.5 - 0.5 * math.cos(math.pi * (place % 1.0))
+        return turns[at] + share * (turns[min(at + 1, turns.size - 1)] - turns[at])
+
+    assert told(error) is None
+
+
 def test_a_slow_one_of_a_third_of_a_hertz_is_told_after_two_periods():
     found = told(lambda t: 5e-3 * np.sin(2.0 * np.pi * 0.33 * t), seconds=10.0)
     assert found is not None

@@ -82,7 +82,7 @@ TURN: Final = 1e-3  # rad back from the farthest place make a turning point, at 
 ABOVE_NOISE: Final = 1.2  # of the largest bend of the error lately, which a sensor alone makes
 LATELY: Final = 1.0  # s
 SHORTEST, LONGEST = 0.025, 1.7  # s, duration of a swing: 20 to 0.3 Hz
-FADING: Final = 0.7  # the last swing below this share of the first one: the motion fades
+FADING: Final = 0.7  # the last swing below this share of an earlier one: the motion fades
 UNEVEN: Final = 1.6  # ratio of durations above which two swings are not of one oscillation
 UNEQUAL: Final = 1.25  # the same of swings to one side in motion, where both ways may differ
 SETTLES: Final = 0.3  # s, of a joint that was taken over
@@ -225,10 +225,12 @@ def last_swings(b: Any, places: Any, ends: Any, count: int = SWINGS) -> Swings |
         SHORTEST <= duration <= LONGEST for duration in durations
     ):
         return None
-    fades = sizes[-1] < FADING * sizes[0] or min(sizes) < FADING**2 * max(sizes)
+    rests = all(rested)
+    # at rest, the end of the motion may have been the first swing, and the next one the largest
+    whole = max(sizes) if rests else sizes[0]
+    fades = sizes[-1] < FADING * whole or min(sizes) < FADING**2 * max(sizes)
     if fades or any(changes):
         return None
-    rests = all(rested)
     if not (
         all(_even(*pair, UNEVEN) for pair in pairwise(durations))
         or (

@@ -3,8 +3,6 @@
 A trajectory that is played f times as slowly has speeds 1/f, accelerations 1/f^2 and jerks 1/f^3
 times as large. Its jerk is taken over a short time, because a cubic spline changes its acceleration
 at once at a waypoint, and the joint itself evens out what is short.
-
-The corners of straight lines are not counted: the limiter rounds them.
 """
 
 from __future__ import annotations
@@ -93,7 +91,7 @@ def _waypoint_share(waypoints: Waypoints, factor: float, limits: MotionLimits) -
     """What the waypoints alone need, as a share of the share that they may need [-]."""
     if limits.valve_share is None:
         return 0.0
-    speeds = np.nan_to_num(waypoints.velocities) / factor
+    speeds = waypoints.velocities / factor
     pushes = np.nan_to_num(waypoints.accelerations) / factor**2
     found = limits.valve_share(waypoints.positions, speeds, pushes, np.zeros_like(speeds))
     return float(found.max()) / WAYPOINT_SHARE * VALVE_SHARE

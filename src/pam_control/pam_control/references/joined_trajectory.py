@@ -8,12 +8,12 @@ change of the acceleration where the valves could not follow a sudden one.
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Mapping
 
 import numpy as np
 
 from pam_control.references.braking_start import braked, way_from
+from pam_control.references.continued_samples import continued
 from pam_control.references.drivable_pace import STEP_SHARE, VALVE_SHARE, valve_share
 from pam_control.references.evened_spline import EvenedSpline, largest_jump
 from pam_control.references.led_in_spline import LedInSpline, fading_time
@@ -38,7 +38,7 @@ from pam_control.references.spline import (
 
 MOST_STEPS = 50  # 1.1^50 = 117
 STRETCH, MOST_STRETCHES = 1.5, 12  # 1.5^12 = 130
-SHORTEST = 1e-3  # s, of the first segment
+SHORTEST = 1e-3  # s, of the first segment, and of a difference that fades
 NEAR = 0.01  # rad
 CALM_SHARE = 0.1  # of the jerk of the limiter, with which a small difference from the path fades
 TOLD_FROM = 1e-3  # relative change of the duration that the caller is informed of
@@ -74,16 +74,40 @@ def joined(
     note : str
         How much slower than asked the trajectory is played, and why; empty if it is not.
     """
-    delay, excess = 0.0, planned.excess
+    splines, excess = continued(planned.waypoints, at, references, limits), planned.excess
+    if splines is None:
+        splines, why = _led_to(planned.waypoints, now, at, references, limits)
+        excess = excess or why
+    end = max(spline.end_time for spline in splines.values())
+    if not excess or end - planned.end <= TOLD_FROM * max(planned.end - at, 0.0) + 1e-6:
+        return splines, ""
+    asked = max(planned.end - at, 0.0)
+    return splines, (
+        f"trajectory slowed down: it takes {end - at:.3g} s instead of {asked:.3g} s, because "
+        f"{excess}"
+    )
+
+
+def _led_to(
+    planned: Mapping[str, Waypoints],
+    now: float,
+    at: float,
+    references: Mapping[str, JointReference],
+    limits: Mapping[str, MotionLimits],
+) -> tuple[dict[str, JointSpline], str]:
+    """Splines that lead to the first waypoint, and what made them later."""
+    delay, excess = 0.0, ""
+    found: Mapping[str, Waypoints] = {
+        name: _begun(waypoints, at, references[name]) for name, waypoints in planned.items()
+    }
     beside = {
         name: _beside(waypoints, at, references[name], limits[name])
-        for name, waypoints in planned.waypoints.items()
+        for name, waypoints in found.items()
         if name in limits
     }
     begins = {
         name: _moved(reference, -beside.get(name, 0.0)) for name, reference in references.items()
     }
-    found = planned.waypoints
     for _ in range(MOST_STRETCHES):
         delay, why, is_way = _delay(found, now, at, begins, limits)
         excess = excess or why
@@ -103,16 +127,18 @@ def joined(
         }
     for name, offset in beside.items():
         if offset:
-            duration = fading_time(offset, CALM_SHARE * limits[name].own_jerk)
-            splines[name] = LedInSpline(splines[name], at, offset, duration)
-    end = max(spline.end_time for spline in splines.values())
-    if not excess or end - planned.end <= TOLD_FROM * max(planned.end - at, 0.0) + 1e-6:
-        return splines, ""
-    asked = max(planned.end - at, 0.0)
-    return splines, (
-        f"trajectory slowed down: it takes {end - at:.3g} s instead of {asked:.3g} s, because "
-        f"{excess}"
-    )
+            duration = max(fading_time(offset, CALM_SHARE * limits[name].own_jerk), SHORTEST)
+            difference = JointReference(offset)
+            splines[name] = LedInSpline(splines[name], at, difference, duration)
+    return splines, excess
+
+
+def _begun(waypoints: Waypoints, at: float, reference: JointReference) -> Waypoints:
+    """The waypoints; a free start that has passed has the speed that the reference had there."""
+    since = at - float(waypoints.times[0])
+    if since < 0.0:
+        return waypoints
+    return waypoints.starting_with(reference.velocity - since * reference.acceleration)
 
 
 def _beside(
@@ -124,7 +150,7 @@ def _beside(
     """
     early = float(waypoints.times[0]) - at
     if early > 0.0:
-        speed = float(np.nan_to_num(waypoints.velocities[0]))
+        speed = float(waypoints.velocities[0])
         path = float(waypoints.positions[0]) - 0.5 * early * (speed + reference.velocity)
     else:
         path = JointSpline(waypoints).sample(at).position
@@ -226,25 +252,17 @@ def _duration(
     name: str, waypoints: Waypoints, asked: float, reference: JointReference, limits: MotionLimits
 ) -> tuple[float, str] | None:
     """How long the way to the first waypoint takes [s], and why; None if none keeps the limits."""
-    first = Waypoint(
-        0.0,
-        float(waypoints.positions[0]),
-        _or_none(waypoints.velocities[0]),
-        _or_none(waypoints.accelerations[0]),
-    )
-    ends_at_rest = not first.velocity and not first.acceleration
-    still = reference.velocity == reference.acceleration == 0.0 and ends_at_rest
+    first = waypoints.part(slice(1))
+    start = Waypoint(0.0, reference.position, reference.velocity, reference.acceleration)
+    rests = reference.velocity == reference.acceleration == 0.0
+    still = rests and not first.velocities[0] and not np.nan_to_num(first.accelerations[0])
     duration = max(asked, SHORTEST)
     if not still:
-        duration = max(duration, abs(first.position - reference.position) / limits.velocity)
+        way = abs(float(first.positions[0]) - reference.position)
+        duration = max(duration, way / limits.velocity)
     why = ""
     for _ in range(MOST_STEPS):
-        ends = Waypoints.of(
-            [
-                Waypoint(0.0, reference.position, reference.velocity, reference.acceleration),
-                Waypoint(duration, first.position, first.velocity, first.acceleration),
-            ]
-        )
+        ends = dataclasses.replace(first, times=np.array([duration])).joined_to(start)
         coefficients = spline_coefficients(ends)
         speed, acceleration = peaks(coefficients, np.array([duration]))
         wanted = slowing_factor(speed, acceleration, limits)
@@ -273,7 +291,3 @@ def _with(ends: Waypoints, waypoints: Waypoints, duration: float) -> tuple[Array
         np.concatenate([ends.accelerations, waypoints.accelerations[1:2]]),
     )
     return both.times, spline_coefficients(both)
-
-
-def _or_none(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None

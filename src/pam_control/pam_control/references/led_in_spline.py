@@ -1,10 +1,10 @@
-"""A spline that begins at a small distance from its path, and joins it while it moves.
+"""A spline that begins beside its path, and joins it while it moves.
 
 A joint is held where its encoder showed it, some tenths of a milliradian from the beginning of
 the next trajectory. If that begins at once, or 20 ms later, going there first would need hardly any
 torque, but more flow than the valves have. The difference fades along the motion instead, as a
 motion of minimum jerk does: d (1 - 10 x^3 + 15 x^4 - 6 x^5) with x = t/T, whose largest jerk is
-60 d/T^3.
+60 d/T^3. A difference in speed and acceleration fades with it.
 
 Source: T. Flash, N. Hogan, "The coordination of arm movements", Journal of Neuroscience 5 (1985)
 1688-1703 (minimum jerk).
@@ -12,7 +12,7 @@ Source: T. Flash, N. Hogan, "The coordination of arm movements", Journal of Neur
 
 from __future__ import annotations
 
-from pam_control.references.spline import JointReference, JointSpline
+from pam_control.references.spline import JointReference, JointSpline, Waypoint
 
 LARGEST_JERK = 60.0  # rad/s^3 of a difference of 1 rad that fades within 1 s
 
@@ -27,18 +27,24 @@ class LedInSpline(JointSpline):
 
     Parameters
     ----------
+    path : JointSpline
+        The path.
     begin : float
         When the difference begins to fade [s].
-    offset : float
-        The difference until then [rad].
+    difference : JointReference
+        From the path at that time.
     duration : float
         In which it fades [s].
     """
 
-    def __init__(self, path: JointSpline, begin: float, offset: float, duration: float) -> None:
-        self._path, self._begin, self._offset, self._duration = path, begin, offset, duration
-        self.lowest = path.lowest + min(offset, 0.0)
-        self.highest = path.highest + max(offset, 0.0)
+    def __init__(
+        self, path: JointSpline, begin: float, difference: JointReference, duration: float
+    ) -> None:
+        self._path = path
+        first = Waypoint(begin, difference.position, difference.velocity, difference.acceleration)
+        self._fading = JointSpline([first, Waypoint(begin + duration, 0.0, 0.0, 0.0)])
+        self.lowest = path.lowest + min(self._fading.lowest, 0.0)
+        self.highest = path.highest + max(self._fading.highest, 0.0)
 
     @property
     def start_time(self) -> float:
@@ -48,7 +54,7 @@ class LedInSpline(JointSpline):
     @property
     def end_time(self) -> float:
         """When the reference rests [s]."""
-        return max(self._path.end_time, self._begin + self._duration)
+        return max(self._path.end_time, self._fading.end_time)
 
     @property
     def end_position(self) -> float:
@@ -57,14 +63,9 @@ class LedInSpline(JointSpline):
 
     def sample(self, time: float) -> JointReference:
         """The reference at `time` [s]."""
-        on_path = self._path.sample(time)
-        x = (time - self._begin) / self._duration
-        if x >= 1.0:
-            return on_path
-        x = max(x, 0.0)
-        offset, rate = self._offset, 1.0 / self._duration
+        path, beside = self._path.sample(time), self._fading.sample(time)
         return JointReference(
-            on_path.position + offset * (1.0 - x**3 * (10.0 - 15.0 * x + 6.0 * x * x)),
-            on_path.velocity - offset * rate * 30.0 * (x * (1.0 - x)) ** 2,
-            on_path.acceleration - offset * rate**2 * 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x),
+            path.position + beside.position,
+            path.velocity + beside.velocity,
+            path.acceleration + beside.acceleration,
         )

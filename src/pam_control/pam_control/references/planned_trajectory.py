@@ -16,7 +16,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pam_control.references.drivable_pace import VALVE_SHARE, drivable_factor
+from pam_control.references.drivable_pace import SHORT, VALVE_SHARE, drivable_factor
+from pam_control.references.message_waypoints import waypoints_of
 from pam_control.references.motion_limiter import MotionLimits
 from pam_control.references.spline import (
     Array,
@@ -83,32 +84,22 @@ def plan(
         raise PastTrajectoryError(f"trajectory rejected: it ended {now - times[-1]:.3g} s ago")
     if np.any(np.diff(times) <= 0.0):
         raise CommandError("trajectory rejected: its points are too close in time")
-    fields = (
-        np.array([point.positions for point in points], dtype=float),
-        _field([point.velocities for point in points], len(names)),
-        _field([point.accelerations for point in points], len(names)),
-    )
-    for index, name in enumerate(names):  # a start at the stop, and rounding
-        if name in bounds:
-            np.clip(fields[0][:, index], *bounds[name], out=fields[0][:, index])
-    found = {
-        name: Waypoints(times, *(field[:, index] for field in fields))
-        for index, name in enumerate(names)
-    }
+    found = waypoints_of(names, points, times, limits, bounds)
     factor, excess = 1.0, ""
-    for name, waypoints in found.items():
-        if name not in limits:
-            continue
-        coefficients = spline_coefficients(waypoints)
-        speed, acceleration = peaks(coefficients, np.diff(times))
-        speed = max(speed, _largest(waypoints.velocities))
-        acceleration = max(acceleration, _largest(waypoints.accelerations))
-        wanted = slowing_factor(speed, acceleration, limits[name])
-        if wanted > factor:
-            factor, excess = wanted, excess_of(name, speed, acceleration, limits[name])
-        wanted, share = drivable_factor(waypoints, coefficients, factor, limits[name])
-        if wanted > factor:
-            factor, excess = wanted, too_much_air(name, share)
+    for name, path in found.items():
+        for waypoints in (path, *_from_rest(path)):
+            if name not in limits:
+                continue
+            coefficients = spline_coefficients(waypoints)
+            speed, acceleration = peaks(coefficients, np.diff(waypoints.times))
+            speed = max(speed, _largest(waypoints.velocities))
+            acceleration = max(acceleration, _largest(waypoints.accelerations))
+            wanted = slowing_factor(speed, acceleration, limits[name])
+            if wanted > factor:
+                factor, excess = wanted, excess_of(name, speed, acceleration, limits[name])
+            wanted, share = drivable_factor(waypoints, coefficients, factor, limits[name])
+            if wanted > factor:
+                factor, excess = wanted, too_much_air(name, share)
     for name, waypoints in found.items():
         if name in limits and name in bounds:
             wanted = _stopping_factor(name, waypoints, factor, limits[name], bounds[name])
@@ -122,9 +113,15 @@ def plan(
     return PlannedTrajectory(found, float(times[-1]), excess)
 
 
-def _field(rows: Sequence[Sequence[float]], size: int) -> Array:
-    missing = [math.nan] * size
-    return np.array([row if len(row) else missing for row in rows], dtype=float)
+def _from_rest(waypoints: Waypoints) -> list[Waypoints]:
+    """The first segment as it is when the joint rests before it; none if that is no difference.
+
+    A short one is the beginning of a motion that is under way: the limiter catches up with it, and
+    nothing else is played more slowly because of it.
+    """
+    if not waypoints.free_start or waypoints.times[1] - waypoints.times[0] < SHORT:
+        return []
+    return [waypoints.part(slice(2)).starting_with(0.0)]
 
 
 def _largest(values: Array) -> float:
@@ -159,7 +156,7 @@ def _stopping_factor(
 ) -> float:
     """How much more slowly a trajectory that ends in motion must be played to stop in time."""
     velocity = float(waypoints.velocities[-1])
-    if not abs(velocity) > 0.0:  # NaN if none is given
+    if velocity == 0.0:
         return factor
     position = float(waypoints.positions[-1])
     acceleration = float(np.nan_to_num(waypoints.accelerations[-1]))

@@ -6,7 +6,7 @@ feedforward needs a velocity and an acceleration. If velocities are streamed as 
 compensate the filter's lag.
 
 Every reference keeps the joint's limits of speed and acceleration: a trajectory is scaled in time
-when it arrives, and whatever remains (a streamed step, a corner, a stop) passes a limiter, which
+when it arrives, and whatever remains (a streamed step, a stop) passes a limiter, which
 runs ahead by `horizon`.
 """
 

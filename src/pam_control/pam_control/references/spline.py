@@ -1,11 +1,14 @@
-"""Splines through the waypoints of one joint, as ros2 joint_trajectory_controller reads them.
+"""Splines through the waypoints of one joint.
 
-Between two waypoints the spline is linear if only positions are given, cubic with velocities, and
-quintic with accelerations as well. After the last waypoint, it holds the position.
+Between two waypoints the spline is cubic, and quintic where the accelerations of both are given.
+After the last waypoint, it holds the position. That is how ros2_control's
+joint_trajectory_controller reads a trajectory, but for positions without velocities: there it makes
+straight lines, whose corners no valve can follow; here they have `waypoint_velocities`.
 """
 
 from __future__ import annotations
 
+import dataclasses
 from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,8 +16,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from pam_control.limited import limited
+
 Array = npt.NDArray[np.float64]
 
+MONOTONE = 3.0  # times the mean speed of a cubic segment, which its ends may have without overshoot
 PEAK_SHARES = np.linspace(0.0, 1.0, 25)  # where a segment is searched for its peaks
 
 
@@ -29,24 +35,26 @@ class JointReference:
 
 @dataclass(frozen=True, slots=True)
 class Waypoint:
-    """Reference of one joint at one time; a field that the message does not give is None."""
+    """Reference of one joint at one time; an acceleration that is not given is None."""
 
     time: float  # seconds, on the controller's time axis
     # position, velocity, acceleration: [rad], [rad/s], [rad/s^2]
     position: float
-    velocity: float | None = None
+    velocity: float = 0.0
     acceleration: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Waypoints:
-    """The waypoints of one joint as arrays of shape (n,); a missing velocity is NaN."""
+    """The waypoints of one joint as arrays of shape (n,); a missing acceleration is NaN."""
 
     times: Array  # increasing [s]
     # positions, velocities, accelerations: [rad], [rad/s], [rad/s^2]
     positions: Array
     velocities: Array
     accelerations: Array
+    # the first velocity was not given: it may be made smaller to suit the way to it
+    free_start: bool = False
 
     @classmethod
     def of(cls, waypoints: Sequence[Waypoint]) -> Waypoints:
@@ -65,6 +73,7 @@ class Waypoints:
             self.positions,
             self.velocities / factor,
             self.accelerations / factor**2,
+            self.free_start,
         )
 
     def part(self, which: slice) -> Waypoints:
@@ -74,20 +83,28 @@ class Waypoints:
             self.positions[which],
             self.velocities[which],
             self.accelerations[which],
+            self.free_start,
         )
 
-    def after(self, count: int) -> Waypoints:
-        """Without the first `count` waypoints."""
-        return self.part(slice(count, None))
+    def starting_with(self, speed: float) -> Waypoints:
+        """With this first velocity [rad/s], as far as the first one is free and not smaller."""
+        if not self.free_start:
+            return self
+        free = float(self.velocities[0])
+        velocities = self.velocities.copy()
+        velocities[0] = limited(speed, min(free, 0.0), max(free, 0.0))
+        return dataclasses.replace(self, velocities=velocities)
 
     def joined_to(self, first: Waypoint) -> Waypoints:
-        """With one more waypoint in front."""
+        """With one more waypoint in front; on the way from it, a free start does not overshoot."""
         one = Waypoints.of([first])
+        way = float(self.positions[0]) - first.position
+        rest = self.starting_with(MONOTONE * way / (float(self.times[0]) - first.time))
         return Waypoints(
-            np.concatenate([one.times, self.times]),
-            np.concatenate([one.positions, self.positions]),
-            np.concatenate([one.velocities, self.velocities]),
-            np.concatenate([one.accelerations, self.accelerations]),
+            np.concatenate([one.times, rest.times]),
+            np.concatenate([one.positions, rest.positions]),
+            np.concatenate([one.velocities, rest.velocities]),
+            np.concatenate([one.accelerations, rest.accelerations]),
         )
 
 
@@ -103,19 +120,18 @@ def spline_coefficients(points: Waypoints) -> Array:
     -------
     ndarray, shape (n - 1, 6)
         Coefficients in seconds since the start of the segment, constant term first. A segment is
-        linear, cubic or quintic, according to the fields that both of its ends have.
+        quintic if both of its ends have an acceleration, and else cubic.
     """
     T = np.diff(points.times)
     x0, gap = points.positions[:-1], np.diff(points.positions)
     v0, v1 = points.velocities[:-1], points.velocities[1:]
     a0, a1 = points.accelerations[:-1], points.accelerations[1:]
-    cubic = np.isfinite(v0) & np.isfinite(v1)
-    quintic = cubic & np.isfinite(a0) & np.isfinite(a1)
+    quintic = np.isfinite(a0) & np.isfinite(a1)
     found = np.zeros((T.size, 6))
     found[:, 0] = x0
-    found[:, 1] = np.where(cubic, v0, gap / T)
-    found[:, 2] = np.where(cubic, (3.0 * gap / T - 2.0 * v0 - v1) / T, 0.0)
-    found[:, 3] = np.where(cubic, (-2.0 * gap / T + v0 + v1) / T**2, 0.0)
+    found[:, 1] = v0
+    found[:, 2] = (3.0 * gap / T - 2.0 * v0 - v1) / T
+    found[:, 3] = (-2.0 * gap / T + v0 + v1) / T**2
     fifth = (
         0.5 * a0,
         (20.0 * gap - (8.0 * v1 + 12.0 * v0) * T - (3.0 * a0 - a1) * T**2) / (2.0 * T**3),
@@ -146,13 +162,21 @@ def peaks(coefficients: Array, durations: Array) -> tuple[float, float]:
     return float(np.abs(speed).max()), float(np.abs(acceleration).max())
 
 
-def position_range(points: Waypoints, coefficients: Array) -> tuple[float, float]:
-    """Lowest and highest position [rad] of segments, at 25 places of each."""
-    t = np.diff(points.times)[:, None] * PEAK_SHARES
+def segment_ranges(coefficients: Array, durations: Array) -> tuple[Array, Array]:
+    """Lowest and highest position [rad] of each segment, at 25 places."""
+    t = durations[:, None] * PEAK_SHARES
     c0, c1, c2, c3, c4, c5 = (column[:, None] for column in coefficients.T)
     found = c0 + t * (c1 + t * (c2 + t * (c3 + t * (c4 + t * c5))))
-    found = np.append(found, points.positions)
-    return float(found.min()), float(found.max())
+    return found.min(axis=1), found.max(axis=1)
+
+
+def position_range(points: Waypoints, coefficients: Array) -> tuple[float, float]:
+    """Lowest and highest position [rad] of a spline, at 25 places of each segment."""
+    low, high = segment_ranges(coefficients, np.diff(points.times))
+    return (
+        float(np.append(low, points.positions).min()),
+        float(np.append(high, points.positions).max()),
+    )
 
 
 class JointSpline:
