@@ -34,8 +34,8 @@ class Loops:
     def lowered(self, share: float) -> Loops:
         """The loops with a share of the gains [-]; the integral gets its square.
 
-        So the integral's phase lag moves away from the crossover. The pressure loops get the share
-        as well, because it may be they that are late. The margins are not known.
+        So the integral's phase lag moves away from the crossover. The pressure loops get the root
+        of the share, because it may be they that are late. The margins are not known.
         """
         gains = {
             name: schedule.changed(
@@ -49,7 +49,7 @@ class Loops:
             )
             for name, schedule in self.settings.gains.items()
         }
-        pressure_gain = share * (self.settings.pressure_gain or 0.0)
+        pressure_gain = share**0.5 * (self.settings.pressure_gain or 0.0)
         lowered = self.settings.replace(gains=gains, pressure_gain=pressure_gain or None)
         return dataclasses.replace(self, settings=lowered)
 
