@@ -25,7 +25,9 @@ class JointSetup:
     integral_limit: float  # of the feedback, in the unit of its output
     acting_delays: PerMuscle  # time from a control cycle until each valve acts, by the rig file [s]
     margins: list[Margins]  # with these gains, the worst operating point first
-    adapts: bool  # whether what was learnt is used
+    # adapts, learns_flows: whether what is learnt of the torque, and of the flows, is used
+    adapts: bool
+    learns_flows: bool
     learner: MotionLearner | None  # of a motion that is repeated
 
 
@@ -45,6 +47,7 @@ def joint_setups(
     setups = []
     for models, margins in zip(joints, loops.margins, strict=True):
         settings = models.scale.complete(loops.settings)
+        adapts = settings.adaptation and law.has_adaptation
         limit = settings.integral_limit
         if loops.settings.integral_limit == BY_SIZE and law.largest_integral is not None:
             limit = law.largest_integral
@@ -56,7 +59,10 @@ def joint_setups(
                 limit,
                 models.acting_delays(settings),
                 margins,
-                settings.adaptation and law.has_adaptation,
+                adapts,
+                # the flows that follow a long unknown delay do not fit the commands, and whatever
+                # is learnt of them makes the loops worse
+                adapts and not loops.soft,
                 session.learners[models.name] if session else None,
             )
         )

@@ -108,7 +108,7 @@ class ControlCycle:
         for place, (channel, setup) in enumerate(zip(self.channels, setups, strict=True)):
             channel.use(setup)
             acts = max(setup.acting_delays) + channel.models.pressure_lag
-            self._valves.use(place, setup.settings, setup.adapts, acts)
+            self._valves.use(place, setup.settings, setup.learns_flows, acts)
         self._rows.use(setups, self._joints)
         self._law = setups[0].law if setups else self._law
         self._asks_again = any(
