@@ -72,7 +72,7 @@ from pam_control.rows.watch_rows import (
 from pam_model.plant.compiled import entry_point, for_kernel, prepare
 from pam_model.robot import RobotJoint
 
-PAUSE = 0.6  # s after softening or a tube; what is under way with the old loops fades in this time
+PAUSE = 0.6  # s after other gains or a tube; what is under way with the old loops fades in it
 # A loop that stands still for a larger share of so long oscillates; a smaller one is tolerated,
 # because what one pause leaves has faded when the next one comes.
 MOST_STILL = 0.3
@@ -208,7 +208,7 @@ class LoopGuard:
         for b, joint in zip(self._watches, joints, strict=True):
             b[B_LARGEST_SPEED], b[B_LARGEST_ERROR] = joint.max_velocity, joint.max_tracking_error
         self._names = [joint.name for joint in joints]
-        self._pause_until = self._swings_fade_until = -math.inf
+        self._pause_until = -math.inf
         self._gaps: deque[tuple[float, float]] = deque()
         self.softened = self.stopped = ""
         self._told: dict[tuple[str, Cause], str] = {}  # swings
@@ -237,7 +237,7 @@ class LoopGuard:
         self.softened = self.stopped = ""
         self._told.clear()
         self.lowered, self._first_size = 0, math.inf
-        self._pause_until = self._swings_fade_until = -math.inf
+        self._pause_until = -math.inf
         self._gaps.clear()
         self._forget_tubes()
         self.restart()
@@ -349,7 +349,7 @@ class LoopGuard:
     def _answer_swings(self, time: float, telemetry: Any, means: Means) -> GuardAction:
         """Tell small swings, and what has to be done against them."""
         verdict = GuardAction.NOTHING
-        if time < max(self._pause_until, self._swings_fade_until):
+        if time < self._pause_until:
             return verdict
         for joint, (name, z) in enumerate(zip(self._names, telemetry, strict=True)):
             if self._watches[joint][B_SWUNG] == 0.0:
@@ -361,10 +361,7 @@ class LoopGuard:
                 self._told.setdefault((name, cause), told)
                 if cause is not Cause.OUTSIDE and (cause not in FRICTION or seen.rests):
                     verdict = self._answer(told, seen, means)
-        if verdict is GuardAction.LOWER:  # the other watches go on
-            self._swings_fade_until = time + PAUSE
-            self._forget_swings()
-        elif verdict is GuardAction.SOFTEN:
+        if verdict in (GuardAction.LOWER, GuardAction.SOFTEN):
             self._pause_until = time + PAUSE
             self.restart()
         return verdict
