@@ -87,7 +87,7 @@ def test_a_joint_that_is_as_identified_is_not_doubted(
     assert doubt(measured, on_robots, numbers) == ""
 
 
-@pytest.mark.parametrize("changes", [{"joint.inertia": 1.6}, {"coulomb_friction.torque": 0.6}])
+@pytest.mark.parametrize("changes", [{"joint.inertia": 3.0}, {"coulomb_friction.torque": 0.6}])
 def test_a_joint_that_is_worse_than_its_numbers_predict_is_told_with_what_to_do(
     elbow: Rig,
     on_robots: Expected,
