@@ -23,6 +23,7 @@ from pam_control.cycle.pressure_loops import PressureLoops
 from pam_control.cycle.valve_stage import command_valves, true_pressures
 from pam_control.feedback.stuck_integral import begin_sticking, given_back
 from pam_control.joint_models import JointModels
+from pam_control.loop_guard import GuardAction, LoopGuard
 from pam_control.references.trajectory import TrajectoryPoint
 from pam_control.rows.loop_rows import (
     D_RATE,
@@ -113,6 +114,16 @@ def test_taking_over_with_what_was_learnt_does_not_move_the_joint(closed_loop, r
     assert np.abs(loop.run(1.0).column(2) - before).max() < 0.02
 
 
+class Softening(LoopGuard):
+    """Finds an oscillation in the first cycle, and nothing after it."""
+
+    def judge(self, *_, **__):
+        if self.softened:
+            return GuardAction.NOTHING
+        self.softened = "the joint oscillates"
+        return GuardAction.SOFTEN
+
+
 def test_soft_gains_forget_what_an_oscillation_has_taught_and_learn_again(
     closed_loop, rig, reaching
 ):
@@ -124,15 +135,16 @@ def test_soft_gains_forget_what_an_oscillation_has_taught_and_learn_again(
     loop = closed_loop(controller, effects=PAYLOAD)
     controller.drop_commands()
     loop.run(SETTLE)
-    controller.guard.softened = "the joint oscillates"
-    controller.use(controller.prepared)
+    controller.guard = Softening(controller.robot.joints)
+    loop.run(0.01)
+    assert controller.guard.softened
     assert not estimates.adaptation.knows
     errors = []
     for _ in range(2):
         controller.references.follow(["elbow"], points, start=None, now=loop.time)
         errors.append(loop.run(duration).rms(0.0))
-    assert controller.guard.softened
-    assert estimates.adaptation.knows
+    controller.change(controller.prepared.asked.replace(integral_limit=4.0))
+    assert estimates.adaptation.knows, "another parameter forgets nothing"
     assert errors[1] < 0.5 * errors[0]
 
 

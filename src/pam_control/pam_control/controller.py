@@ -183,7 +183,7 @@ class Controller:
         self._longest_gap = GAP_PERIODS * normal.period + normal.extra_delay
         setups = joint_setups(self._models, self.prepared, loops)
         self._cycle.use(setups)
-        if loops.soft or not settings.adaptation:
+        if not settings.adaptation:
             self.forget_adaptation()
         references = self.references
         references.stream_timeout = settings.stream_timeout
@@ -391,7 +391,9 @@ class Controller:
             if self.lowering.phase is LoweringPhase.SINKING:
                 return output
         match self.guard.judge(time, telemetry, self.settings.tracking_time, self._means):
-            case GuardAction.LOWER | GuardAction.SOFTEN:
+            case GuardAction.LOWER | GuardAction.SOFTEN as action:
+                if action is GuardAction.SOFTEN:
+                    self.forget_adaptation()  # the oscillation is in it
                 self._apply(self.prepared.loops(self.guard))
             case GuardAction.STOP:
                 return self._stopped()

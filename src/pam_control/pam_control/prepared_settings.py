@@ -49,8 +49,8 @@ class Loops:
             )
             for name, schedule in self.settings.gains.items()
         }
-        pressure_gain = share**0.5 * (self.settings.pressure_gain or 0.0)
-        lowered = self.settings.replace(gains=gains, pressure_gain=pressure_gain or None)
+        gain = self.settings.pressure_gain
+        lowered = self.settings.replace(gains=gains, pressure_gain=gain and share**0.5 * gain)
         return dataclasses.replace(self, settings=lowered)
 
 
